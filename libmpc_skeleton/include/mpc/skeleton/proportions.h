@@ -1,0 +1,31 @@
+// Purpose: change an actor's body proportions: skeleton, mesh and rig together.
+// Source: ours (DESIGN "Proportions"); the paper assumes the template has the actor's proportions.
+#pragma once
+
+#include <array>
+
+#include "mpc/skeleton/character.h"
+#include "mpc/skeleton/rig_asset.h"
+
+namespace mpc {
+
+// Lengths that may be scaled on their own; left and right always alike.
+enum class BodyPart { kTorso, kShoulders, kHips, kHead, kUpperArm, kForearm, kThigh, kShank, kFoot };
+inline constexpr int kNumBodyParts = 9;
+const char* BodyPartName(BodyPart part);
+
+struct Proportions {
+  double overall = 1;                          // scale of everything
+  std::array<double, kNumBodyParts> part = {1, 1, 1, 1, 1, 1, 1, 1, 1};  // relative to overall
+};
+
+// The skeleton with scaled offsets and joints; hinges, bounds and rest rotations stay.
+Skeleton ScaledSkeleton(const Skeleton& skeleton, const Proportions& proportions);
+
+// Character and rig with the proportions applied at bind: every vertex follows its segments' change
+// of origin and length. Both stay consistent: skinning the new character at any pose equals
+// skinning the new rig's bones. Feet keep their height above the sole: the actor's lowest vertex
+// keeps its y. Throws Error (kInvalidArgument) for scales outside [0.2, 5].
+void ApplyProportions(const Proportions& proportions, Character* character, RigAsset* rig);
+
+}  // namespace mpc

@@ -18,12 +18,12 @@ namespace mpc {
 
 struct Character {
   Skeleton skeleton;
-  Eigen::VectorXd bind_pose;   // N: ForwardKinematics(bind_pose) puts the segments on the rig
-  KinematicState bind;         // the same, computed
-  TriangleMesh mesh;           // all skinned primitives, in the actor frame at bind
-  Eigen::Matrix2Xf uv;         // 2xV or empty
-  Eigen::MatrixXi segments;    // KxV, indices of segments
-  Eigen::MatrixXf weights;     // KxV, non-negative, each column sums to one
+  Eigen::VectorXd bind_pose;      // N: ForwardKinematics(bind_pose) puts the segments on the rig
+  KinematicState bind;            // the same, computed
+  TriangleMesh mesh;              // all skinned primitives, in the actor frame at bind
+  Eigen::Matrix2Xf uv;            // 2xV or empty
+  Eigen::MatrixXi segments;       // KxV, indices of segments
+  Eigen::MatrixXf weights;        // KxV, non-negative, each column sums to one
   std::vector<int> bone_segment;  // per rig bone: the segment it follows rigidly
 };
 

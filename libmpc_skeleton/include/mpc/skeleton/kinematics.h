@@ -18,6 +18,7 @@ struct KinematicState {
   Eigen::Matrix3Xd origins;                // 3xS: segment origins
   Eigen::Matrix3Xd hinge_axes;             // 3xH, unit, in the body frame
   Eigen::Matrix3Xd joints;                 // 3xJ
+  std::vector<int> hinge_begin;            // S+1: hinges of segment s are [begin[s], begin[s+1])
 };
 
 // Computes the state of a pose (N). The overload with a matrix takes the root rotation from

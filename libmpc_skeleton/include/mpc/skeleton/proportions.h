@@ -10,12 +10,22 @@
 namespace mpc {
 
 // Lengths that may be scaled on their own; left and right always alike.
-enum class BodyPart { kTorso, kShoulders, kHips, kHead, kUpperArm, kForearm, kThigh, kShank, kFoot };
+enum class BodyPart {
+  kTorso,
+  kShoulders,
+  kHips,
+  kHead,
+  kUpperArm,
+  kForearm,
+  kThigh,
+  kShank,
+  kFoot
+};
 inline constexpr int kNumBodyParts = 9;
 const char* BodyPartName(BodyPart part);
 
 struct Proportions {
-  double overall = 1;                          // scale of everything
+  double overall = 1;                                                    // scale of everything
   std::array<double, kNumBodyParts> part = {1, 1, 1, 1, 1, 1, 1, 1, 1};  // relative to overall
 };
 

@@ -25,10 +25,10 @@ struct RigBone {
 struct RigMesh {
   std::string name;
   TriangleMesh mesh;
-  Eigen::MatrixXi bones;     // KxV, indices into RigAsset::bones; 0 where the weight is 0
-  Eigen::MatrixXf weights;   // KxV, as in the file
-  Eigen::Matrix2Xf uv;       // 2xV or empty
-  int file_mesh = -1;        // the file's own mesh and primitive index
+  Eigen::MatrixXi bones;    // KxV, indices into RigAsset::bones; 0 where the weight is 0
+  Eigen::MatrixXf weights;  // KxV, as in the file
+  Eigen::Matrix2Xf uv;      // 2xV or empty
+  int file_mesh = -1;       // the file's own mesh and primitive index
   int file_primitive = -1;
 };
 

@@ -13,10 +13,25 @@ namespace mpc {
 
 // A part of a humanoid: the bone that starts there.
 enum class RigPart {
-  kHips, kSpine, kChest, kNeck, kHead,
-  kLeftUpperArm, kLeftLowerArm, kLeftHand, kRightUpperArm, kRightLowerArm, kRightHand,
-  kLeftUpperLeg, kLeftLowerLeg, kLeftFoot, kLeftToes,
-  kRightUpperLeg, kRightLowerLeg, kRightFoot, kRightToes,
+  kHips,
+  kSpine,
+  kChest,
+  kNeck,
+  kHead,
+  kLeftUpperArm,
+  kLeftLowerArm,
+  kLeftHand,
+  kRightUpperArm,
+  kRightLowerArm,
+  kRightHand,
+  kLeftUpperLeg,
+  kLeftLowerLeg,
+  kLeftFoot,
+  kLeftToes,
+  kRightUpperLeg,
+  kRightLowerLeg,
+  kRightFoot,
+  kRightToes,
 };
 inline constexpr int kNumRigParts = 19;
 

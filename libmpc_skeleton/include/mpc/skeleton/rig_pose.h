@@ -12,7 +12,7 @@ namespace mpc {
 
 // body_from_bone for every bone, B entries: each bone follows its segment rigidly from the bind
 // pose, so the mesh skinned by the rig's own bones equals the captured mesh. Sizes the output.
-void RigBoneTransforms(const RigAsset& rig, const Character& character,
-                       const KinematicState& state, std::vector<Eigen::Affine3d>* body_from_bone);
+void RigBoneTransforms(const RigAsset& rig, const Character& character, const KinematicState& state,
+                       std::vector<Eigen::Affine3d>* body_from_bone);
 
 }  // namespace mpc

@@ -21,14 +21,14 @@ namespace mpc {
 // segment rotate it about its own origin, each in the frame left by the hinges before it.
 struct Segment {
   std::string name;
-  int parent = -1;  // index of an earlier segment; -1 for the root, which is segment 0
-  Eigen::Vector3d offset = Eigen::Vector3d::Zero();                 // origin in the parent
-  Eigen::Matrix3d rest_rotation = Eigen::Matrix3d::Identity();      // parent from segment
+  int parent = -1;  // index of an earlier segment; -1 for the root: segment 0, at identity
+  Eigen::Vector3d offset = Eigen::Vector3d::Zero();             // origin in the parent
+  Eigen::Matrix3d rest_rotation = Eigen::Matrix3d::Identity();  // parent from segment
 };
 
 struct Hinge {
   std::string name;
-  int segment = 0;  // hinges are ordered by segment
+  int segment = 0;                                  // hinges are ordered by segment
   Eigen::Vector3d axis = Eigen::Vector3d::UnitX();  // unit, in the segment
   double min_rad = 0;
   double max_rad = 0;
@@ -42,7 +42,7 @@ struct SkeletonJoint {
 };
 
 struct Skeleton {
-  std::vector<Segment> segments;      // parents before children
+  std::vector<Segment> segments;  // parents before children
   std::vector<Hinge> hinges;
   std::vector<SkeletonJoint> joints;  // the 16 of the paper first, in JointId order
 
@@ -81,8 +81,8 @@ enum DefaultSegment {
   kNumDefaultSegments,
 };
 
-// The paper's skeleton for an adult of the given height (m): 14 segments, 27 hinges, 16 joints plus
-// the pelvis point; segment lengths as fractions of height after Winter, "Biomechanics and Motor
+// The paper's skeleton for an adult of the given height (m): 14 segments, 27 hinges, the 16 joints and
+// all extra points of JointId; at zero angles every segment's axes are the root's; segment lengths as fractions of height after Winter, "Biomechanics and Motor
 // Control of Human Movement", 4th ed., Fig. 4.1.
 Skeleton DefaultSkeleton(double height_m = 1.75);
 

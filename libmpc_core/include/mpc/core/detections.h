@@ -14,8 +14,8 @@ namespace mpc {
 
 struct Detections2d {
   struct Frame {
-    Eigen::Matrix2Xd pixels;      // 2xJ
-    Eigen::VectorXd confidence;   // J, in [0, 1]
+    Eigen::Matrix2Xd pixels;     // 2xJ
+    Eigen::VectorXd confidence;  // J, in [0, 1]
   };
   int width = 0;  // of the picture the pixels refer to; 0 if the source does not say
   int height = 0;

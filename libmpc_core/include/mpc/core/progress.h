@@ -30,6 +30,7 @@ class ProgressFormatter {
  private:
   std::string stage_;
   Clock::time_point stage_start_;
+  int first_step_ = 0;  // of the stage, when it was first seen
 };
 
 }  // namespace mpc

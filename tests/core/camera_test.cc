@@ -117,6 +117,14 @@ TEST(CameraTest, RefusesPointsBeyondTheTurningPointOfTheDistortion) {
   EXPECT_TRUE(Project(camera, {1.2, 0, 1}, &pixel));
   EXPECT_FALSE(Project(camera, {1.5, 0, 1}, &pixel));
   EXPECT_FALSE(Project(camera, {5, 0, 1}, &pixel));
+
+  camera.distortion = {0, 0, 0, 0, -1.0 / 7};  // r (1 - r^6 / 7) turns back at r = 1
+  EXPECT_TRUE(Project(camera, {1 - 1e-6, 0, 1}, &pixel));
+  EXPECT_FALSE(Project(camera, {1 + 1e-6, 0, 1}, &pixel));
+
+  camera.distortion = {0, 0, 0, -0.5, 0};  // x - 1.5 x^2 on the x axis turns back at x = 1/3
+  EXPECT_TRUE(Project(camera, {1.0 / 3 - 1e-6, 0, 1}, &pixel));
+  EXPECT_FALSE(Project(camera, {1.0 / 3 + 1e-6, 0, 1}, &pixel));
 }
 
 TEST(CameraTest, UndistortInvertsProject) {

@@ -38,13 +38,16 @@ TEST(ParallelForTest, RunsSideBySide) {
 
 TEST(ParallelForTest, RethrowsTheLowestFailure) {
   for (const int num_threads : {1, 2, 4}) {
-    for (int repeat = 0; repeat < 20; ++repeat) {
+    for (const int slow : {10, 11}) {
       std::vector<int> finished(64, 0);
+      std::atomic<bool> next_started = num_threads == 1;
       std::string caught;
       try {
         ParallelFor(64, num_threads, [&](int i) {
-          // The lower failure takes longer than the higher one.
-          if (i == 10) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+          // 10 and 11 fail side by side, one after the other in either order.
+          if (i == 11) next_started = true;
+          while (i == 10 && !next_started) std::this_thread::yield();
+          if (i == slow) std::this_thread::sleep_for(std::chrono::milliseconds(20));
           if (i == 10 || i == 11 || i == 40) throw std::runtime_error(std::to_string(i));
           finished[static_cast<size_t>(i)] = 1;
         });

@@ -38,6 +38,10 @@ inline constexpr int kNumRigParts = 19;
 // Name used in reports and JSON, such as "left_upper_arm".
 const char* RigPartName(RigPart part);
 
+// Whether a rig without this part cannot be captured: true for hips, upper and lower arms, hands,
+// upper and lower legs, feet; false for spine, chest, neck, head, toes.
+bool IsRequired(RigPart part);
+
 struct RigMap {
   std::array<int, kNumRigParts> bone{};  // index into RigAsset::bones, -1: not found
   std::string convention;                // the name table that matched, "topology" or "user"
@@ -47,9 +51,9 @@ struct RigMap {
   int& operator[](RigPart part) { return bone[static_cast<size_t>(part)]; }
 };
 
-// Maps by bone-name tables, case and separators ignored. Required: hips, upper and lower arms,
-// hands, upper and lower legs, feet; neck, head, spine, chest and toes are optional. Throws Error
-// (kUnsupported) listing the parts that were not found and the bone names that were there.
+// Maps by bone-name tables; case, separators and a prefix shared by the rig's bones are ignored. Of
+// bones that match the same part, the one highest in the hierarchy wins. Throws Error
+// (kUnsupported) listing the required parts that were not found and the bone names that were there.
 RigMap MapRigByNames(const RigAsset& rig);
 
 // Human-readable table: part, bone, length of the bone to its successor in mm; then the notes.

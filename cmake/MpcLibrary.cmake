@@ -41,10 +41,15 @@ function(mpc_add_program name)
 endfunction()
 
 # mpc_add_test(NAME LABEL unit|slow|data|blender SOURCES <cc...> DEPS <t...>)
+# The target LABEL_tests builds all tests of a label.
 function(mpc_add_test name)
   cmake_parse_arguments(ARG "" "LABEL" "SOURCES;DEPS" ${ARGN})
   mpc_add_program(${name} SOURCES ${ARG_SOURCES} DEPS ${ARG_DEPS} mpc_test_support GTest::gmock GTest::gtest_main)
   gtest_discover_tests(${name} PROPERTIES LABELS ${ARG_LABEL} DISCOVERY_TIMEOUT 60)
+  if(NOT TARGET ${ARG_LABEL}_tests)
+    add_custom_target(${ARG_LABEL}_tests)
+  endif()
+  add_dependencies(${ARG_LABEL}_tests ${name})
 endfunction()
 
 function(mpc_install_package)

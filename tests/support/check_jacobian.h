@@ -10,11 +10,11 @@ namespace mpc::testing {
 
 // f(x) -> value; plus(x, d) moves x by a tangent step d. Compares `jacobian` (rows x d) with central
 // differences of f along every tangent direction; tolerance relative to max(1, |entry|).
-inline void CheckJacobian(const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f,
-                          const std::function<Eigen::VectorXd(const Eigen::VectorXd&,
-                                                              const Eigen::VectorXd&)>& plus,
-                          const Eigen::VectorXd& x, const Eigen::MatrixXd& jacobian,
-                          double tolerance, double step = 1e-6) {
+inline void CheckJacobian(
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&)>& f,
+    const std::function<Eigen::VectorXd(const Eigen::VectorXd&, const Eigen::VectorXd&)>& plus,
+    const Eigen::VectorXd& x, const Eigen::MatrixXd& jacobian, double tolerance,
+    double step = 1e-6) {
   const int num_tangent = static_cast<int>(jacobian.cols());
   for (int n = 0; n < num_tangent; ++n) {
     Eigen::VectorXd d = Eigen::VectorXd::Zero(num_tangent);

@@ -19,6 +19,7 @@ inline std::optional<std::filesystem::path> DataDir() {
 }  // namespace mpc::testing
 
 // First line of a data test: skips loudly, with the reason, when the data is not there.
-#define MPC_REQUIRE_DATA()                                                              \
-  if (!mpc::testing::DataDir()) GTEST_SKIP() << "needs the real data: set MPC_DATA to " \
-                                                "its folder (see docs/results.md)"
+#define MPC_REQUIRE_DATA()                                \
+  if (!mpc::testing::DataDir())                           \
+  GTEST_SKIP() << "needs the real data: set MPC_DATA to " \
+                  "its folder (see docs/results.md)"

@@ -1,0 +1,94 @@
+// Purpose: how far estimated joints, pixels and masks are from the truth; the only place where the
+// project computes these numbers.
+// Source: MPJPE, PA-MPJPE, N-MPJPE as in the Human3.6M and MPI-INF-3DHP literature; similarity
+// alignment after Umeyama 1991.
+// Frames: any, the same for both inputs. Units: inputs metres and pixels, results mm and pixels.
+// Symbols: J joints, F frames. Joint trajectories are 3J x F, joint i in rows 3i..3i+2.
+//
+// A joint with a NaN coordinate in either input is missing: it is skipped and counted, never
+// guessed. All functions are pure and thread-safe, and throw Error (kMismatch) when sizes differ.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mpc/core/camera.h"
+#include "mpc/core/detections.h"
+#include "mpc/core/joints.h"
+
+namespace mpc {
+
+// Distances after one kind of alignment.
+struct AlignedError {
+  std::string alignment;         // what was removed, such as "root translation"
+  double mean_mm = 0;            // over all scored joints of all frames; NaN when there are none
+  int num_frames = 0;            // frames with at least one scored joint
+  int num_observations = 0;      // scored joints, summed over frames
+  Eigen::VectorXd per_frame_mm;  // F; NaN for a frame that was not scored
+  Eigen::VectorXd per_joint_mm;  // J; NaN for a joint that was never scored
+};
+
+struct JointErrors {
+  std::vector<JointId> joints;
+  int num_frames = 0;       // F
+  int num_missing = 0;      // joint observations missing in either input
+  AlignedError absolute;    // none
+  AlignedError root;        // MPJPE: translation of the root per frame
+  AlignedError scale;       // N-MPJPE: root translation and the best scale per frame
+  AlignedError similarity;  // PA-MPJPE: the best rotation, translation and scale per frame
+};
+
+// Compares two joint trajectories. The root is the pelvis where both inputs have it, else the
+// middle of the hips; frames without one are not scored by `root` and `scale`. `similarity` needs
+// three joints that are not all in one place.
+JointErrors CompareJoints(std::span<const JointId> joints, const Eigen::MatrixXd& estimate,
+                          const Eigen::MatrixXd& truth);
+
+// One line per alignment with the joint count, the alignment and the frames.
+std::string FormatJointErrors(const JointErrors& errors);
+
+// Rows of `wanted` joints out of a trajectory of `joints`; NaN for those that are not there.
+Eigen::MatrixXd SelectJoints(const Eigen::MatrixXd& trajectories, std::span<const JointId> joints,
+                             std::span<const JointId> wanted);
+
+// Mean length of second differences.
+struct SecondDifference {
+  double mean_mm_per_frame2 = 0;  // NaN when no joint is seen in three frames in a row
+  double mean_mm_per_s2 = 0;
+  int num_observations = 0;
+};
+
+// Jitter: second difference of the joints as given.
+SecondDifference Jitter(const Eigen::MatrixXd& trajectories, double fps);
+
+// Acceleration error: second difference of (estimate - truth).
+SecondDifference AccelerationError(const Eigen::MatrixXd& estimate, const Eigen::MatrixXd& truth,
+                                   double fps);
+
+// How constant bone lengths are over time.
+struct BoneLengthDeviation {
+  double mean_mm = 0;  // mean over bones of the standard deviation of the length
+  double max_mm = 0;   // largest difference of a bone's length from its mean
+  int num_bones = 0;   // bones whose two joints are listed and seen at least once
+};
+BoneLengthDeviation CompareBoneLengths(std::span<const JointId> joints,
+                                       const Eigen::MatrixXd& trajectories,
+                                       std::span<const JointPair> bones);
+
+// Distance of projected joints (camera frame) from detected pixels.
+struct ReprojectionError {
+  double mean_px = 0;  // NaN when nothing was scored
+  int num_observations = 0;
+  int num_missing = 0;  // not detected, not estimated, or behind the camera
+};
+ReprojectionError CompareReprojection(const Camera& camera, std::span<const JointId> joints,
+                                      const Eigen::MatrixXd& joints_in_camera,
+                                      const Detections2d& detections);
+
+// Intersection over union of two 8-bit masks (non-zero is inside); 1 when both are empty.
+double MaskIou(const cv::Mat& a, const cv::Mat& b);
+
+}  // namespace mpc

@@ -1,0 +1,41 @@
+// Purpose: the product solver of the batch pose problem.
+// Source: paper, Section 4, Eq. (opt): min sum of the frames' energies + w_d E_d within hard bounds
+// on the angles. With D the DCT basis, E_d = min over C of |Lambda (S - C D)|^2 (docs/pose.md), so
+// the frames couple only through the N x K coefficients C: one Schur complement per iteration.
+// Units: as the energies'. Symbols: N dofs, F frames, K basis vectors.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "mpc/pose/frame_problem.h"
+#include "mpc/pose/summary.h"
+#include "mpc/skeleton/skeleton.h"
+
+namespace mpc {
+
+struct BatchProblem {
+  Skeleton skeleton;
+  std::vector<FrameProblem> frames;  // F
+  Eigen::MatrixXd basis;             // K x F, orthonormal rows
+  // N: w_d lambda^2 per dof; root translation per m^2, root rotation (in chart coordinates of
+  // root_chart.h) and angles per rad^2. All positive.
+  Eigen::VectorXd smoothness;
+};
+
+struct BatchSolveOptions {
+  int max_iterations = 30;
+  double relative_tolerance = 1e-4;
+  double initial_damping = 1e-3;
+};
+
+// Total cost of poses (N x F): sum of frame costs + sum_n smoothness_n |(S (I - D^T D))_n|^2;
+// infinity outside the domain. The chart is chosen from the poses.
+double BatchCost(const BatchProblem& problem, const Eigen::MatrixXd& poses);
+
+// Projected Levenberg-Marquardt from `poses` (N x F, clamped into the bounds first), which it
+// improves. Cost per iteration O(F N^3 + (N K)^3).
+SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& options,
+                        Eigen::MatrixXd* poses);
+
+}  // namespace mpc

@@ -1,0 +1,50 @@
+// Purpose: every choice of the pose stage, with the paper's values as a preset.
+// Source: paper, Section 4 and Results; ours: docs/pose.md gives the evidence for each default.
+#pragma once
+
+#include "mpc/pose/batch_solver.h"
+#include "mpc/pose/frame_solver.h"
+
+namespace mpc {
+
+struct PoseOptions {
+  // Windows. Paper: 50 frames, 10 overlap.
+  int window_frames = 50;   // >= 2
+  int overlap_frames = 10;  // in [1, window_frames / 2]
+
+  // Trajectory subspace, E_d.
+  int basis_size = 0;             // K; 0: from the frame rate and cutoff_hz. Paper: 8
+  double cutoff_hz = 4;           // ours: motion above it is noise. In (0, 1000]
+  double weight_smooth = 0.02;    // w_d. Paper: 50, practically a hard projection
+  double lambda_translation = 1;  // per mm (paper)
+  double lambda_rotation = 600;   // per rad (paper)
+  double lambda_angles = 600;     // per rad (paper)
+
+  // Detections.
+  bool anisotropic_3d = true;      // bone vectors weighed per ray axis; false: the paper's E_3d
+  double weight_3d = 0.1;          // w_3d of the paper's E_3d
+  double weight_3d_across = 0.2;   // ours: (20 mm / 45 mm)^2, 2D noise over 3D noise across the ray
+  double weight_3d_along = 0.05;   // ours: (20 mm / 90 mm)^2, along the ray
+  bool pixels_in_mm = true;        // 2D residuals in mm at the person; false: px of a 1920 frame
+  bool confidence_weights = true;  // 2D detections weighted by their confidence; false: 1 or 0
+  double robust_2d = 100;          // Geman-McClure scale in mm (or px), 0: plain squares (paper)
+  double robust_3d = 60;           // of weighted bone residuals, mm, 0: plain squares
+  double pck_threshold = 0.4;      // thres_pck of the paper: a frame's 3D is off above it
+  bool test_depth_flips = true;    // ours: depth-mirrored limbs are tried at window level
+  double weight_rest = 30;         // ours: rest prior per rad^2; 0: paper
+
+  bool fit_proportions = true;  // ours: body proportions estimated once per clip; false: paper
+
+  FrameSolveOptions frame_solver;
+  BatchSolveOptions batch_solver;
+
+  int num_threads = 0;  // 0: all cores. Results do not depend on it
+
+  // The paper's method: its weights and none of our changes.
+  static PoseOptions Paper();
+
+  // Throws Error (kInvalidArgument) naming every fault.
+  void Validate() const;
+};
+
+}  // namespace mpc

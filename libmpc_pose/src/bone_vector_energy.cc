@@ -1,0 +1,35 @@
+#include "mpc/pose/bone_vector_energy.h"
+
+#include <cmath>
+#include <utility>
+
+namespace mpc {
+
+BoneVectorEnergy::BoneVectorEnergy(std::vector<BoneObservation> bones,
+                                   const Eigen::Matrix3d& body_from_ray,
+                                   const BoneVectorWeights& weights)
+    : bones_(std::move(bones)), robust_scale_(weights.robust_scale) {
+  const Eigen::Vector3d axes(weights.across, weights.across, weights.along);
+  metric_ = 1000 * axes.asDiagonal() * body_from_ray.transpose();
+}
+
+bool BoneVectorEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::VectorXd* r,
+                                Eigen::MatrixXd* jacobian) const {
+  int row = first_row;
+  for (const BoneObservation& bone : bones_) {
+    const double weight = std::sqrt(bone.weight);
+    const Eigen::Matrix3d metric = weight * metric_;
+    r->segment<3>(row) =
+        metric * (at.state.joints.col(bone.b) - at.state.joints.col(bone.a) - bone.vector);
+    if (jacobian != nullptr) {
+      jacobian->middleRows<3>(row).noalias() =
+          metric * (at.joint_jacobian.middleRows<3>(3 * bone.b) -
+                    at.joint_jacobian.middleRows<3>(3 * bone.a));
+    }
+    ApplyRobustLoss(weight * robust_scale_, row, 3, r, jacobian);
+    row += 3;
+  }
+  return true;
+}
+
+}  // namespace mpc

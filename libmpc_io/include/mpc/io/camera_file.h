@@ -1,0 +1,22 @@
+// Purpose: read cameras.json (docs/formats.md, "Cameras").
+// Frames: x_in_camera = R x_in_world + t, OpenCV axes. Units: metres, pixels of the video as stored.
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "mpc/core/camera.h"
+
+namespace mpc {
+
+// All cameras of a file, at least one. Throws Error: kFileNotFound, kBadFile (naming file, camera
+// and field: wrong sizes, non-finite numbers, a rotation that is not orthonormal, two cameras of
+// the same name), kUnsupported for distortion models with more than five coefficients.
+std::vector<Camera> ReadCameras(const std::filesystem::path& path);
+
+// One camera, given as "file.json" (of a file with one camera) or "file.json:name". Throws Error
+// (kInvalidArgument) listing the names when the name is missing or unknown.
+Camera ReadCamera(const std::string& spec);
+
+}  // namespace mpc

@@ -1,0 +1,47 @@
+// Purpose: a loaded glTF file, checked enough that its accessors can be read safely.
+#pragma once
+
+#define TINYGLTF_NO_STB_IMAGE
+#define TINYGLTF_NO_STB_IMAGE_WRITE
+#include <tiny_gltf.h>
+
+#include <Eigen/Geometry>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "mpc/skeleton/rig_asset.h"
+
+namespace mpc::internal {
+
+struct GltfDocument {
+  std::string source;           // file name, for messages
+  nlohmann::ordered_json json;  // the file's own JSON, to be written again as it is
+  tinygltf::Model model;        // the same parsed, with buffers and images loaded (not decoded)
+  std::vector<int> parent;      // per node, -1: none; free of cycles
+  std::vector<bool> in_scene;   // per node: belongs to the default scene
+
+  Eigen::Affine3d LocalTransform(int node) const;  // parent_from_node at rest
+  Eigen::Affine3d WorldTransform(int node) const;  // scene_from_node at rest
+
+  // An accessor's content, components x count, normalised integers as fractions. Throws Error
+  // (kBadFile) when it does not lie within its buffer or has another number of components.
+  Eigen::MatrixXd ReadAccessor(int accessor, int num_components, const std::string& what) const;
+
+  [[noreturn]] void Fail(const std::string& fault) const;
+};
+
+GltfDocument LoadGltf(const std::filesystem::path& path);
+
+// A rig with what writing needs to know about where it came from.
+struct GltfRig {
+  RigAsset rig;
+  std::vector<int> mesh_skin;                   // per rig mesh: the file's skin
+  std::vector<Eigen::Affine3d> skin_placement;  // per skin of the file: scene from mesh at bind
+  std::vector<std::vector<int>> skin_bones;     // per skin and joint: index of the rig's bone
+};
+
+GltfRig BuildRig(const GltfDocument& document);
+
+}  // namespace mpc::internal

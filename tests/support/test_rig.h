@@ -44,11 +44,11 @@ inline void AddBox(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double ra
   const Eigen::Vector3d along = (b - a).normalized();
   const Eigen::Vector3d side = along.unitOrthogonal();
   const Eigen::Vector3d other = along.cross(side);
-  const Eigen::Index begin = mesh->mesh.positions.cols();
+  const int begin = static_cast<int>(mesh->mesh.positions.cols());
   mesh->mesh.positions.conservativeResize(3, begin + 4 * kRings);
   mesh->bones.conservativeResize(2, begin + 4 * kRings);
   mesh->weights.conservativeResize(2, begin + 4 * kRings);
-  const auto add_quad = [&](Eigen::Index i, Eigen::Index j, Eigen::Index k, Eigen::Index l) {
+  const auto add_quad = [&](int i, int j, int k, int l) {
     const Eigen::Index t = mesh->mesh.triangles.cols();
     mesh->mesh.triangles.conservativeResize(3, t + 2);
     mesh->mesh.triangles.col(t) = Eigen::Vector3i(i, j, k);
@@ -58,19 +58,21 @@ inline void AddBox(const Eigen::Vector3d& a, const Eigen::Vector3d& b, double ra
     const double u = static_cast<double>(ring) / (kRings - 1);
     for (int corner = 0; corner < 4; ++corner) {
       const double angle = std::numbers::pi / 4 * (2 * corner + 1);
-      const Eigen::Index v = begin + 4 * ring + corner;
+      const int v = begin + 4 * ring + corner;
       const Eigen::Vector3d x =
           a + u * (b - a) + radius * (std::cos(angle) * side + std::sin(angle) * other);
       mesh->mesh.positions.col(v) = x.cast<float>();
       const auto weight = static_cast<float>(first == second ? 1 : 1 - 0.5 * u * u);
-      mesh->bones.col(v) = Eigen::Vector2i(first, second);
-      mesh->weights.col(v) = Eigen::Vector2f(weight, 1 - weight);
-      const Eigen::Index next = begin + 4 * ring + (corner + 1) % 4;
+      mesh->bones(0, v) = first;
+      mesh->bones(1, v) = second;
+      mesh->weights(0, v) = weight;
+      mesh->weights(1, v) = 1 - weight;
+      const int next = begin + 4 * ring + (corner + 1) % 4;
       if (ring + 1 < kRings) add_quad(v, next, next + 4, v + 4);
     }
   }
   add_quad(begin, begin + 3, begin + 2, begin + 1);
-  const Eigen::Index end = begin + 4 * (kRings - 1);
+  const int end = begin + 4 * (kRings - 1);
   add_quad(end, end + 1, end + 2, end + 3);
 }
 

@@ -1,0 +1,133 @@
+#include "mpc/skeleton/skinning_jacobian.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+
+#include "mpc/core/error.h"
+
+namespace mpc {
+namespace {
+
+using Eigen::Matrix3d;
+using Eigen::Quaterniond;
+using Eigen::Vector3d;
+
+Matrix3d Cross(const Vector3d& a) {
+  Matrix3d cross;
+  cross << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return cross;
+}
+
+struct DualQuaterniond {
+  Quaterniond real = {0, 0, 0, 0};
+  Quaterniond dual = {0, 0, 0, 0};
+
+  // Adds weight times the other.
+  void Add(double weight, const DualQuaterniond& other) {
+    real.coeffs() += weight * other.real.coeffs();
+    dual.coeffs() += weight * other.dual.coeffs();
+  }
+};
+
+DualQuaterniond SegmentMotion(const KinematicState& bind, const KinematicState& state, int s) {
+  const Matrix3d rotation = state.rotations[s] * bind.rotations[s].transpose();
+  const Vector3d half = (state.origins.col(s) - rotation * bind.origins.col(s)) / 2;
+  DualQuaterniond motion;
+  motion.real = Quaterniond(rotation);
+  motion.dual = Quaterniond(0, half.x(), half.y(), half.z()) * motion.real;
+  return motion;
+}
+
+// d x' / d blend for x' = x + 2 n / |r|^2 with n = r x (r x x + w x) + w d - dw r + r x d, where
+// (w, r) and (dw, d) are the blend's real and dual parts. Columns: w, r, dw, d.
+Eigen::Matrix<double, 3, 8> BlendDerivative(const DualQuaterniond& blend, const Vector3d& x,
+                                            Vector3d* moved) {
+  const double w = blend.real.w();
+  const Vector3d r = blend.real.vec();
+  const Vector3d d = blend.dual.vec();
+  const Vector3d inner = r.cross(x) + w * x + d;
+  const Vector3d n = r.cross(inner) + w * d - blend.dual.w() * r;
+  const double scale = 2 / blend.real.squaredNorm();
+  *moved = x + scale * n;
+
+  Eigen::Matrix<double, 3, 8> derivative;
+  derivative.col(0) = r.cross(x) + d;
+  derivative.middleCols<3>(1) =
+      -Cross(inner) - Cross(r) * Cross(x) - blend.dual.w() * Matrix3d::Identity();
+  derivative.col(4) = -r;
+  derivative.rightCols<3>() = w * Matrix3d::Identity() + Cross(r);
+  derivative *= scale;
+  derivative.col(0) -= scale * scale * w * n;
+  derivative.middleCols<3>(1) -= scale * scale * n * r.transpose();
+  return derivative;
+}
+
+// Derivative of a product twist * q / 2 with respect to the twist, a pure quaternion: 4x3, rows w,
+// x, y, z.
+Eigen::Matrix<double, 4, 3> HalfRightFactor(const Quaterniond& q) {
+  Eigen::Matrix<double, 4, 3> factor;
+  factor.row(0) = -q.vec().transpose() / 2;
+  factor.bottomRows<3>() = (q.w() * Matrix3d::Identity() - Cross(q.vec())) / 2;
+  return factor;
+}
+
+}  // namespace
+
+Vector3d SkinnedVertex(const Character& character, const KinematicState& state, int vertex,
+                       Eigen::Matrix3Xd* jacobian) {
+  if (vertex < 0 || vertex >= character.mesh.positions.cols()) {
+    throw Error(ErrorCode::kInvalidArgument, fmt::format("vertex {} of a mesh with {} vertices",
+                                                         vertex, character.mesh.positions.cols()));
+  }
+  const Skeleton& skeleton = character.skeleton;
+  const Vector3d x = character.mesh.positions.col(vertex).cast<double>();
+  const Eigen::Index num_influences = character.segments.rows();
+  // Motion and signed weight of an influence; antipodality against the first one.
+  const DualQuaterniond pivot = SegmentMotion(character.bind, state, character.segments(0, vertex));
+  const auto influence = [&](Eigen::Index k, double* weight) {
+    const DualQuaterniond motion =
+        k == 0 ? pivot : SegmentMotion(character.bind, state, character.segments(k, vertex));
+    *weight = character.weights(k, vertex);
+    if (motion.real.dot(pivot.real) < 0) *weight = -*weight;
+    return motion;
+  };
+  DualQuaterniond blend;
+  for (Eigen::Index k = 0; k < num_influences; ++k) {
+    double weight;
+    const DualQuaterniond motion = influence(k, &weight);
+    blend.Add(weight, motion);
+  }
+  Vector3d moved;
+  const Eigen::Matrix<double, 3, 8> from_blend = BlendDerivative(blend, x, &moved);
+  if (jacobian == nullptr) return moved;
+
+  jacobian->setZero(3, skeleton.num_dofs());
+  jacobian->leftCols<3>().setIdentity();
+  const Vector3d from_root = moved - state.origins.col(0);
+  for (int axis = 0; axis < 3; ++axis) {
+    jacobian->col(3 + axis) = Vector3d::Unit(axis).cross(from_root);
+  }
+  // A hinge moves the segments beyond it by the twist (axis, origin x axis), and a motion's rate of
+  // change is half the twist times the motion.
+  for (Eigen::Index k = 0; k < num_influences; ++k) {
+    double weight;
+    const DualQuaterniond motion = influence(k, &weight);
+    if (weight == 0) continue;
+    const Eigen::Matrix<double, 4, 3> real = HalfRightFactor(motion.real);
+    const Eigen::Matrix<double, 4, 3> dual = HalfRightFactor(motion.dual);
+    const Matrix3d from_linear = weight * from_blend.rightCols<4>() * real;
+    const Matrix3d from_angular =
+        weight * (from_blend.leftCols<4>() * real + from_blend.rightCols<4>() * dual);
+    for (int s = character.segments(k, vertex); s > 0; s = skeleton.segments[s].parent) {
+      const Vector3d origin = state.origins.col(s);
+      for (int h = state.hinge_begin[s]; h < state.hinge_begin[s + 1]; ++h) {
+        const Vector3d axis = state.hinge_axes.col(h);
+        jacobian->col(6 + h) += from_angular * axis + from_linear * origin.cross(axis);
+      }
+    }
+  }
+  return moved;
+}
+
+}  // namespace mpc

@@ -11,4 +11,5 @@ if ! command -v $clang_format >/dev/null; then
 fi
 mode=(-i)
 [ "${1:-}" = --check ] && mode=(--dry-run --Werror)
-git ls-files -z -- '*.h' '*.cc' | xargs -0 -r $clang_format "${mode[@]}"
+find . \( -path './build*' -o -path './.?*' \) -prune -o \( -name '*.h' -o -name '*.cc' \) -print0 |
+  xargs -0 -r $clang_format "${mode[@]}"

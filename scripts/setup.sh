@@ -14,8 +14,8 @@ build_packages=(
   ffmpeg
 )
 test_packages=(
-  ccache libgtest-dev libgmock-dev libbenchmark-dev clang-format-14
-  blender nodejs npm
+  ca-certificates ccache libgtest-dev libgmock-dev libbenchmark-dev clang-format-14
+  blender python3-numpy nodejs npm  # numpy: for Blender's glTF importer
 )
 gltf_validator=gltf-validator@2.0.0-dev.3.10
 
@@ -29,8 +29,10 @@ case "${1:-}" in
     ;;
 esac
 
+# As a package, or as a command from elsewhere.
 is_installed() {
-  [ "$(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
+  command -v "$1" >/dev/null ||
+    [ "$(dpkg-query --show --showformat='${db:Status-Status}' "$1" 2>/dev/null)" = installed ]
 }
 
 if ! command -v apt-get >/dev/null || ! command -v dpkg-query >/dev/null; then

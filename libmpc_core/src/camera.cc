@@ -26,6 +26,10 @@ bool HasDistortion(const Camera& camera) {
 // True when r -> r (1 + k1 r^2 + k2 r^4 + k3 r^6) increases all the way from the centre to r.
 bool RadiallyInvertible(const Camera& camera, double r_sq) {
   const double k1 = camera.distortion[0], k2 = camera.distortion[1], k3 = camera.distortion[4];
+  // Near the centre even the worst signs keep the slope positive.
+  if (r_sq * (3 * std::abs(k1) + r_sq * (5 * std::abs(k2) + r_sq * 7 * std::abs(k3))) < 1) {
+    return true;
+  }
   const auto slope = [&](double s) { return 1 + s * (3 * k1 + s * (5 * k2 + s * 7 * k3)); };
   if (!(slope(r_sq) > 0)) return false;
   // The slope's minimum on [0, r^2] lies at an end or where its derivative vanishes.

@@ -10,7 +10,7 @@ foreach(folder ${folders})
     continue()
   endif()
   list(GET headers 0 header)
-  string(REGEX REPLACE ".*/libmpc_?([a-z]*)/.*" "\\1" library ${folder})
+  string(REGEX REPLACE ".*/libmpc_?([a-z]*)/.*" "\\1" library ${folder})  # "" for the facade
   file(WRITE ${SCRATCH} "#include \"${header}\"\n")
   execute_process(COMMAND ${COMPILER} -std=c++20 -fsyntax-only ${flags} ${SCRATCH}
     RESULT_VARIABLE result ERROR_VARIABLE message)

@@ -11,11 +11,13 @@
 #include "json_file.h"
 #include "mpc/core/error.h"
 #include "mpc/io/atomic_file.h"
+#include "openpose_joint.h"
 
 namespace mpc {
 namespace {
 
 using internal::JsonPlace;
+using internal::OpenPoseJoint;
 
 constexpr const char* kFormatName = "mpc-detections";
 constexpr int kFormatVersion = 1;
@@ -47,39 +49,6 @@ double Confidence(const JsonPlace& place) {
 }
 
 // ---- OpenPose ------------------------------------------------------------------------------
-
-std::optional<JointId> OpenPoseJoint(const std::string& name) {
-  static const std::map<std::string, JointId> kJoints = {
-      {"Nose", JointId::kNose},
-      {"LEye", JointId::kLeftEye},
-      {"REye", JointId::kRightEye},
-      {"LEar", JointId::kLeftEar},
-      {"REar", JointId::kRightEar},
-      {"LShoulder", JointId::kLeftShoulder},
-      {"RShoulder", JointId::kRightShoulder},
-      {"LElbow", JointId::kLeftElbow},
-      {"RElbow", JointId::kRightElbow},
-      {"LWrist", JointId::kLeftWrist},
-      {"RWrist", JointId::kRightWrist},
-      {"LHip", JointId::kLeftHip},
-      {"RHip", JointId::kRightHip},
-      {"LKnee", JointId::kLeftKnee},
-      {"RKnee", JointId::kRightKnee},
-      {"LAnkle", JointId::kLeftAnkle},
-      {"RAnkle", JointId::kRightAnkle},
-      {"Neck", JointId::kNeck},
-      {"Head", JointId::kHeadTop},  // BODY_25B's head is the top of the skull
-      {"MidHip", JointId::kPelvis},
-      {"LBigToe", JointId::kLeftToe},
-      {"RBigToe", JointId::kRightToe},
-      {"LSmallToe", JointId::kLeftSmallToe},
-      {"RSmallToe", JointId::kRightSmallToe},
-      {"LHeel", JointId::kLeftHeel},
-      {"RHeel", JointId::kRightHeel},
-  };
-  const auto it = kJoints.find(name);
-  return it == kJoints.end() ? std::nullopt : std::optional(it->second);
-}
 
 Detections2d ReadOpenPose(const JsonPlace& root) {
   Detections2d detections;

@@ -18,7 +18,7 @@ void CheckSizes(const Eigen::Matrix3Xf& positions, const Eigen::MatrixXi& segmen
   const Eigen::Index num_vertices = positions.cols();
   if (segments.cols() == num_vertices && weights.cols() == num_vertices &&
       segments.rows() == weights.rows() && segments.rows() > 0 && out.cols() == num_vertices &&
-      !motions.empty() && out.data() != positions.data()) {
+      !motions.empty() && (num_vertices == 0 || out.data() != positions.data())) {
     return;
   }
   throw Error(ErrorCode::kInvalidArgument,

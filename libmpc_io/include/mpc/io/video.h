@@ -1,0 +1,68 @@
+// Purpose: video in and out, frame by frame.
+// Units: seconds, pixels. Frames are BGR, 8 bit, upright: rotation metadata is honoured.
+//
+// The frame rate must be constant: a frame that comes more than half a frame early or late after
+// the one before ends reading with Error (kUnsupported), which names the frame and the cure.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+namespace mpc {
+
+// Reads a video file, or a folder of numbered pictures (jpg, png, bmp, tif; in the order of their
+// names), for which `image_fps` must be given. Not thread-safe; use one object per thread.
+class VideoReader {
+ public:
+  // Throws Error: kFileNotFound; kBadFile when it is no video or its first frame cannot be decoded;
+  // kInvalidArgument for a folder without image_fps.
+  explicit VideoReader(const std::filesystem::path& path, double image_fps = 0);
+  ~VideoReader();
+  VideoReader(VideoReader&&) noexcept;
+  VideoReader& operator=(VideoReader&&) noexcept;
+
+  int width() const;
+  int height() const;
+  double fps() const;
+  int num_frames() const;  // as the file says; -1 if it does not say
+
+  // The next frame; false after the last. `bgr` may be reused from call to call. Throws Error:
+  // kBadFile when the file ends more than 1 % (at least 2 frames) before its stated end or the
+  // size changes; kUnsupported for a variable frame rate.
+  bool Read(cv::Mat* bgr);
+
+  // Of the frame read last: its index, and its time in the file.
+  int frame_index() const;
+  double frame_time_s() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Writes H.264, yuv420p, .mp4. The file appears at `path` complete, by Close(), or not at all.
+class VideoWriter {
+ public:
+  // An odd width or height is padded by one pixel, as the format needs. Throws Error
+  // (kInvalidArgument for sizes or fps, kWriteFailed for the folder, kUnsupported without an
+  // encoder).
+  VideoWriter(const std::filesystem::path& path, int width, int height, double fps);
+  ~VideoWriter();
+  VideoWriter(VideoWriter&&) noexcept;
+  VideoWriter& operator=(VideoWriter&&) noexcept;
+
+  // Throws Error (kInvalidArgument) for another size or type than 8-bit BGR.
+  void Write(const cv::Mat& bgr);
+
+  // Finishes the file, reads it again to make sure that every frame is there (encoders do not
+  // report a full disk) and moves it to its place. Throws Error (kWriteFailed).
+  void Close();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mpc

@@ -1,0 +1,242 @@
+#include "mpc/io/video.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/videoio.hpp>
+#include <set>
+#include <system_error>
+#include <vector>
+
+#include "mpc/core/error.h"
+#include "mpc/io/atomic_file.h"
+
+namespace mpc {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A frame's step in time may differ from 1 / fps by this fraction of it.
+constexpr double kStepTolerance = 0.5;
+constexpr double kMaxFps = 1000;
+
+[[noreturn]] void ThrowBadFile(const fs::path& path, const std::string& fault) {
+  throw Error(ErrorCode::kBadFile, fmt::format("{}: {}", path.string(), fault));
+}
+
+std::vector<fs::path> PicturesIn(const fs::path& folder) {
+  static const std::set<std::string> kExtensions = {".jpg", ".jpeg", ".png",
+                                                    ".bmp", ".tif",  ".tiff"};
+  std::vector<fs::path> pictures;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    std::string extension = entry.path().extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    if (kExtensions.contains(extension)) pictures.push_back(entry.path());
+  }
+  std::sort(pictures.begin(), pictures.end());
+  return pictures;
+}
+
+}  // namespace
+
+struct VideoReader::Impl {
+  fs::path path;
+  cv::VideoCapture capture;
+  std::vector<fs::path> pictures;  // instead of the capture
+  cv::Mat first;                   // decoded when the file was opened
+  double first_time_s = 0;
+  int width = 0;
+  int height = 0;
+  double fps = 0;
+  int num_frames = -1;
+  int index = -1;
+  double time_s = 0;
+
+  // The next frame in the file and its time; an empty frame after the last.
+  cv::Mat Decode(double* decoded_time_s) {
+    cv::Mat frame;
+    try {
+      if (!pictures.empty()) {
+        const auto next = static_cast<size_t>(index + 1);
+        if (next >= pictures.size()) return frame;
+        *decoded_time_s = static_cast<double>(next) / fps;
+        frame = cv::imread(pictures[next].string(), cv::IMREAD_COLOR);
+        if (frame.empty()) ThrowBadFile(pictures[next], "not a readable picture");
+        return frame;
+      }
+      capture.read(frame);
+      *decoded_time_s = capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
+    } catch (const cv::Exception& e) {
+      ThrowBadFile(path, fmt::format("frame {} cannot be decoded: {}", index + 1, e.what()));
+    }
+    return frame;
+  }
+
+  void CheckEnd() const {
+    if (num_frames < 0) return;
+    const int missing = num_frames - (index + 1);
+    if (missing > std::max(2, num_frames / 100)) {
+      ThrowBadFile(
+          path, fmt::format("the video breaks off after {} of {} frames", index + 1, num_frames));
+    }
+  }
+
+  void CheckStep(double step_s) const {
+    if (std::abs(step_s * fps - 1) <= kStepTolerance) return;
+    throw Error(ErrorCode::kUnsupported,
+                fmt::format("{}: variable frame rate: frame {} comes {:.1f} ms after frame {}, "
+                            "expected {:.1f} ms; make the rate constant first: ffmpeg -i INPUT "
+                            "-vsync cfr OUTPUT.mp4",
+                            path.string(), index, 1000 * step_s, index - 1, 1000 / fps));
+  }
+};
+
+VideoReader::VideoReader(const fs::path& path, double image_fps) : impl_(new Impl) {
+  impl_->path = path;
+  std::error_code ec;
+  if (!fs::exists(path, ec)) {
+    throw Error(ErrorCode::kFileNotFound, fmt::format("there is no file {}", path.string()));
+  }
+  if (fs::is_directory(path, ec)) {
+    impl_->pictures = PicturesIn(path);
+    if (impl_->pictures.empty()) ThrowBadFile(path, "the folder holds no pictures");
+    impl_->fps = image_fps;
+    impl_->num_frames = static_cast<int>(impl_->pictures.size());
+    if (!(image_fps > 0)) {
+      throw Error(
+          ErrorCode::kInvalidArgument,
+          fmt::format("{} is a folder of pictures: its frame rate must be given", path.string()));
+    }
+  } else {
+    const std::vector<int> options = {cv::CAP_PROP_ORIENTATION_AUTO, 1};
+    impl_->capture.open(path.string(), cv::CAP_FFMPEG, options);
+    if (!impl_->capture.isOpened()) ThrowBadFile(path, "not a readable video");
+    impl_->fps = impl_->capture.get(cv::CAP_PROP_FPS);
+    const double count = impl_->capture.get(cv::CAP_PROP_FRAME_COUNT);
+    if (count >= 1 && count < 1e9) impl_->num_frames = static_cast<int>(count);
+  }
+  if (!(impl_->fps > 0) || impl_->fps > kMaxFps) {
+    ThrowBadFile(path, fmt::format("{} frames per second", impl_->fps));
+  }
+  impl_->first = impl_->Decode(&impl_->first_time_s);
+  if (impl_->first.empty()) ThrowBadFile(path, "no frame can be decoded");
+  impl_->width = impl_->first.cols;
+  impl_->height = impl_->first.rows;
+}
+
+VideoReader::~VideoReader() = default;
+VideoReader::VideoReader(VideoReader&&) noexcept = default;
+VideoReader& VideoReader::operator=(VideoReader&&) noexcept = default;
+
+int VideoReader::width() const { return impl_->width; }
+int VideoReader::height() const { return impl_->height; }
+double VideoReader::fps() const { return impl_->fps; }
+int VideoReader::num_frames() const { return impl_->num_frames; }
+int VideoReader::frame_index() const { return impl_->index; }
+double VideoReader::frame_time_s() const { return impl_->time_s; }
+
+bool VideoReader::Read(cv::Mat* bgr) {
+  double time_s = impl_->first_time_s;
+  cv::Mat frame;
+  if (impl_->index < 0) {
+    cv::swap(frame, impl_->first);
+  } else {
+    frame = impl_->Decode(&time_s);
+  }
+  if (frame.empty()) {
+    impl_->CheckEnd();
+    return false;
+  }
+  ++impl_->index;
+  if (impl_->index > 0) impl_->CheckStep(time_s - impl_->time_s);
+  impl_->time_s = time_s;
+  if (frame.cols != impl_->width || frame.rows != impl_->height || frame.type() != CV_8UC3) {
+    ThrowBadFile(impl_->path, fmt::format("frame {} is {} x {}, the first is {} x {}", impl_->index,
+                                          frame.cols, frame.rows, impl_->width, impl_->height));
+  }
+  *bgr = std::move(frame);
+  return true;
+}
+
+struct VideoWriter::Impl {
+  Impl(const fs::path& target, int frame_width, int frame_height)
+      : path(target), width(frame_width), height(frame_height), file(target) {}
+
+  fs::path path;
+  int width;
+  int height;
+  int num_frames = 0;
+  AtomicFile file;  // before the encoder, which must let go of the file first
+  cv::VideoWriter encoder;
+  cv::Mat padded;
+
+  // What is wrong with the finished file; empty if nothing.
+  std::string Fault() const {
+    cv::VideoCapture capture(file.temporary().string(), cv::CAP_FFMPEG);
+    if (!capture.isOpened()) return "the finished file cannot be read: is the disk full?";
+    const double count = capture.get(cv::CAP_PROP_FRAME_COUNT);
+    if (count != num_frames) {
+      return fmt::format("the finished file holds {} of {} frames", count, num_frames);
+    }
+    capture.set(cv::CAP_PROP_POS_FRAMES, num_frames - 1);
+    cv::Mat frame;
+    if (!capture.read(frame)) return "the last frame of the finished file cannot be read";
+    return "";
+  }
+};
+
+VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps) {
+  if (width < 1 || height < 1 || !(fps > 0) || fps > kMaxFps) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("{}: a video of {} x {} at {} frames per second", path.string(), width,
+                            height, fps));
+  }
+  impl_ = std::make_unique<Impl>(path, width, height);
+  WriteFileAtomically(impl_->file.temporary(), "");  // says why, where the encoder would not
+  const cv::Size even_size((width + 1) / 2 * 2, (height + 1) / 2 * 2);
+  impl_->encoder.open(impl_->file.temporary().string(), cv::CAP_FFMPEG,
+                      cv::VideoWriter::fourcc('a', 'v', 'c', '1'), fps, even_size);
+  if (!impl_->encoder.isOpened()) {
+    throw Error(ErrorCode::kUnsupported,
+                fmt::format("{}: OpenCV cannot write H.264 of {} x {} at {} frames per second",
+                            path.string(), even_size.width, even_size.height, fps));
+  }
+}
+
+VideoWriter::~VideoWriter() = default;
+VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
+VideoWriter& VideoWriter::operator=(VideoWriter&&) noexcept = default;
+
+void VideoWriter::Write(const cv::Mat& bgr) {
+  if (bgr.cols != impl_->width || bgr.rows != impl_->height || bgr.type() != CV_8UC3) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("{}: a frame of {} x {} and type {}, expected {} x {} BGR",
+                            impl_->path.string(), bgr.cols, bgr.rows, bgr.type(), impl_->width,
+                            impl_->height));
+  }
+  if (impl_->width % 2 == 0 && impl_->height % 2 == 0) {
+    impl_->encoder.write(bgr);
+  } else {
+    cv::copyMakeBorder(bgr, impl_->padded, 0, impl_->height % 2, 0, impl_->width % 2,
+                       cv::BORDER_REPLICATE);
+    impl_->encoder.write(impl_->padded);
+  }
+  ++impl_->num_frames;
+}
+
+void VideoWriter::Close() {
+  impl_->encoder.release();
+  const std::string fault = impl_->num_frames == 0 ? "no frame was written" : impl_->Fault();
+  if (!fault.empty()) {
+    throw Error(ErrorCode::kWriteFailed,
+                fmt::format("cannot write {}: {}", impl_->path.string(), fault));
+  }
+  impl_->file.Commit();
+}
+
+}  // namespace mpc

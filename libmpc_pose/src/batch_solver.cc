@@ -38,8 +38,10 @@ class BatchState {
       cost += EvaluateFrame(problem_.frames[f], point, scratch);
       if (!std::isfinite(cost)) return kInfinity;
     }
-    out_of_subspace_ = s - (s * problem_.basis.transpose()) * problem_.basis;
-    return cost + problem_.smoothness.dot(out_of_subspace_.rowwise().squaredNorm());
+    // S M with M = I - D^T diag(1 - band_penalty) D.
+    const Eigen::VectorXd kept = 1 - problem_.band_penalty.array();
+    penalized_ = s - (s * problem_.basis.transpose()) * kept.asDiagonal() * problem_.basis;
+    return cost + problem_.smoothness.dot(s.cwiseProduct(penalized_).rowwise().sum());
   }
 
   // Normal equations of frame f in chart coordinates, E_d's own diagonal not included; the gradient
@@ -53,13 +55,13 @@ class BatchState {
     hessian->middleCols<3>(3) = (hessian->middleCols<3>(3) * chart).eval();
     hessian->middleRows<3>(3) = (chart.transpose() * hessian->middleRows<3>(3)).eval();
     gradient->segment<3>(3) = (chart.transpose() * gradient->segment<3>(3)).eval();
-    *gradient += problem_.smoothness.cwiseProduct(out_of_subspace_.col(f));
+    *gradient += problem_.smoothness.cwiseProduct(penalized_.col(f));
   }
 
   void Swap(BatchState* other) {
     s.swap(other->s);
     points_.swap(other->points_);
-    out_of_subspace_.swap(other->out_of_subspace_);
+    penalized_.swap(other->penalized_);
   }
 
   Eigen::MatrixXd Poses() const {
@@ -74,7 +76,7 @@ class BatchState {
   const BatchProblem& problem_;
   const RootChart& chart_;
   std::vector<PosePoint> points_;
-  Eigen::MatrixXd out_of_subspace_;  // S (I - D^T D), N x F
+  Eigen::MatrixXd penalized_;  // S M, N x F: the gradient of E_d without its weight
 };
 
 // The Gauss-Newton system of one linearisation and its damped solution by the Schur complement in C.
@@ -83,6 +85,7 @@ class ArrowSystem {
   ArrowSystem(const BatchProblem& problem)
       : basis_(problem.basis),
         weights_(problem.smoothness),
+        band_(problem.band_penalty.array() / (1 - problem.band_penalty.array())),
         num_dofs_(problem.skeleton.num_dofs()),
         num_frames_(static_cast<int>(problem.frames.size())),
         num_basis_(static_cast<int>(problem.basis.rows())),
@@ -153,6 +156,9 @@ class ArrowSystem {
         }
       }
     }
+    for (int n = 0; n < num_dofs_; ++n) {
+      schur.diagonal().segment(n * num_basis_, num_basis_) += weights_[n] * band_;
+    }
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(schur);
     if (llt.info() != Eigen::Success) return false;
     Eigen::Map<Eigen::VectorXd> coefficients(rhs.data(), n2);
@@ -167,6 +173,7 @@ class ArrowSystem {
  private:
   const Eigen::MatrixXd& basis_;
   const Eigen::VectorXd& weights_;
+  Eigen::VectorXd band_;  // K: stiffness of the coefficients themselves
   int num_dofs_;
   int num_frames_;
   int num_basis_;

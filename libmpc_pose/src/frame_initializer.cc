@@ -1,50 +1,48 @@
 #include "mpc/pose/frame_initializer.h"
 
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 #include <optional>
+#include <utility>
 
 #include "mpc/core/error.h"
 #include "mpc/core/rigid.h"
+#include "mpc/pose/windows.h"
 
 namespace mpc {
 namespace {
 
 constexpr int kMinPoints = 4;
-// A tracked start is good when its cost is at most this factor above the clip's typical cost.
+constexpr int kMaxTrackedGap = 5;  // frames across which the previous pose is still a start
+// A start fits when its cost is at most this factor above the typical cost of the clip so far.
 constexpr double kGoodFactor = 2.5;
+// Exchanged sides must explain the frame this much better.
+constexpr double kSwapPenalty = 1.5;
 
-std::optional<Eigen::Vector3d> BoneVector(const Skeleton& skeleton,
-                                          const std::vector<EvidenceBone>& bones,
-                                          const FrameObservation& observation, JointId a,
-                                          JointId b) {
-  for (size_t i = 0; i < observation.bone.size(); ++i) {
-    const EvidenceBone& bone = bones[observation.bone[i]];
-    if (skeleton.joints[bone.a].id == a && skeleton.joints[bone.b].id == b) {
-      return observation.bone_vector[i];
-    }
-  }
-  return std::nullopt;
-}
-
-// Pelvis orientation of the 3D detection: left from the hips, up towards the shoulders.
-std::optional<Eigen::Matrix3d> TorsoRotation(const Skeleton& skeleton,
-                                             const std::vector<EvidenceBone>& bones,
+// Pelvis orientation of the 3D detection: left from hips and shoulders, up towards the shoulders.
+std::optional<Eigen::Matrix3d> TorsoRotation(const ClipEvidence& evidence,
                                              const FrameObservation& observation) {
-  const auto vector = [&](JointId a, JointId b) {
-    return BoneVector(skeleton, bones, observation, a, b);
+  const auto vector = [&](JointId a, JointId b) -> const Eigen::Vector3d* {
+    for (size_t i = 0; i < observation.bone.size(); ++i) {
+      const EvidenceBone& bone = evidence.bones()[observation.bone[i]];
+      if (evidence.skeleton().joints[bone.a].id == a &&
+          evidence.skeleton().joints[bone.b].id == b) {
+        return &observation.bone_vector[i];
+      }
+    }
+    return nullptr;
   };
-  const auto hips = vector(JointId::kLeftHip, JointId::kRightHip);
-  const auto shoulders = vector(JointId::kLeftShoulder, JointId::kRightShoulder);
-  const auto left_up = vector(JointId::kPelvis, JointId::kLeftShoulder);
-  const auto right_up = vector(JointId::kPelvis, JointId::kRightShoulder);
-  if (!left_up || !right_up || (!hips && !shoulders)) return std::nullopt;
+  const Eigen::Vector3d* hips = vector(JointId::kLeftHip, JointId::kRightHip);
+  const Eigen::Vector3d* shoulders = vector(JointId::kLeftShoulder, JointId::kRightShoulder);
+  const Eigen::Vector3d* left_up = vector(JointId::kPelvis, JointId::kLeftShoulder);
+  const Eigen::Vector3d* right_up = vector(JointId::kPelvis, JointId::kRightShoulder);
+  if (left_up == nullptr || right_up == nullptr) return std::nullopt;
   Eigen::Vector3d left = Eigen::Vector3d::Zero();
-  if (hips) left -= hips->normalized();
-  if (shoulders) left -= shoulders->normalized();
+  if (hips != nullptr) left -= hips->normalized();
+  if (shoulders != nullptr) left -= shoulders->normalized();
   const Eigen::Vector3d up = (*left_up + *right_up).normalized();
   left -= left.dot(up) * up;
   if (left.norm() < 0.1) return std::nullopt;
@@ -54,17 +52,16 @@ std::optional<Eigen::Matrix3d> TorsoRotation(const Skeleton& skeleton,
   return rotation;
 }
 
-// Where the root must be for a pose of the given rotation to project onto the 2D points: the same
-// linear fit as t_f, with the posed skeleton in place of the detection.
-Eigen::Vector3d FitRootTranslation(const Skeleton& skeleton, const Camera& camera,
+// Where the root of a posed skeleton must be to project onto the 2D points: linear least squares.
+Eigen::Vector3d FitRootTranslation(const ClipEvidence& evidence,
                                    const FrameObservation& observation, Eigen::VectorXd pose) {
   pose.head<3>().setZero();
   KinematicState state;
-  ForwardKinematics(skeleton, pose, &state);
+  ForwardKinematics(evidence.skeleton(), pose, &state);
   Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
   Eigen::Vector3d b = Eigen::Vector3d::Zero();
   for (const Observation2d& point : observation.points) {
-    const Eigen::Vector2d m = Undistort(camera, point.pixel);
+    const Eigen::Vector2d m = Undistort(evidence.camera(), point.pixel);
     const Eigen::Vector3d x = state.joints.col(point.joint);
     for (int axis = 0; axis < 2; ++axis) {
       Eigen::Vector3d row = Eigen::Vector3d::Unit(axis);
@@ -73,118 +70,131 @@ Eigen::Vector3d FitRootTranslation(const Skeleton& skeleton, const Camera& camer
       b += point.weight * row * (m[axis] * x.z() - x[axis]);
     }
   }
-  Eigen::Vector3d translation = a.ldlt().solve(b);
-  if (!translation.allFinite() || translation.z() < 0.3) {
-    const Eigen::Vector3d ray = observation.camera_from_ray.col(2);
-    translation = ray * (3.0 / std::max(0.1, ray.z()));
+  const Eigen::Vector3d translation = a.ldlt().solve(b);
+  if (translation.allFinite() && translation.z() > 0.3) return translation;
+  const Eigen::Vector3d ray = observation.camera_from_ray.col(2);
+  return ray * (3.0 / std::max(0.1, ray.z()));
+}
+
+// The best solution of one frame over several starts.
+class FrameSearch {
+ public:
+  explicit FrameSearch(const ClipEvidence& evidence)
+      : evidence_(evidence), relaxed_(RelaxedPose(evidence.skeleton())) {}
+
+  void Reset() { cost = std::numeric_limits<double>::infinity(); }
+
+  void FromPose(const FrameObservation& observation, SideSwap side_swap,
+                const Eigen::VectorXd& start) {
+    Eigen::VectorXd candidate = start;
+    const double depth = PersonDepth(start);
+    const FrameProblem problem = evidence_.MakeProblem(observation, depth, false, {}, relaxed_);
+    const SolveSummary summary = SolveFrame(
+        evidence_.skeleton(), problem, evidence_.options().frame_solver, &candidate, &scratch_);
+    if (summary.termination == Termination::kFailed) return;
+    // Residuals in millimetres grow with the distance of the start: compare without it.
+    const double unit = evidence_.options().pixels_in_mm ? depth : 1;
+    const double candidate_cost =
+        summary.final_cost / (unit * unit) * (side_swap == SideSwap::kNone ? 1 : kSwapPenalty);
+    if (candidate_cost >= cost) return;
+    cost = candidate_cost;
+    pose = candidate;
+    swap = side_swap;
   }
-  return translation;
+
+  void FromFacings(const FrameObservation& observation, SideSwap side_swap) {
+    std::vector<Eigen::Matrix3d> facings;
+    if (observation.use_3d) {
+      if (const auto torso = TorsoRotation(evidence_, observation)) facings.push_back(*torso);
+    }
+    if (facings.empty()) {
+      // Upright (the camera's y points down), facing four ways.
+      const Eigen::AngleAxisd upright(std::numbers::pi, Eigen::Vector3d::UnitX());
+      for (int quarter = 0; quarter < 4; ++quarter) {
+        const Eigen::AngleAxisd turn(quarter * std::numbers::pi / 2, Eigen::Vector3d::UnitY());
+        facings.push_back((upright * turn).toRotationMatrix());
+      }
+    }
+    for (const Eigen::Matrix3d& facing : facings) {
+      for (Eigen::VectorXd start : {relaxed_, ZeroPose(evidence_.skeleton())}) {
+        start.segment<3>(3) = LogSO3(facing);
+        start.head<3>() = FitRootTranslation(evidence_, observation, start);
+        FromPose(observation, side_swap, start);
+      }
+    }
+  }
+
+  double cost = std::numeric_limits<double>::infinity();
+  Eigen::VectorXd pose;
+  SideSwap swap = SideSwap::kNone;
+
+ private:
+  const ClipEvidence& evidence_;
+  Eigen::VectorXd relaxed_;
+  FrameSolveScratch scratch_;
+};
+
+// Frames that were not solved: between their neighbours, or as the nearest one at the ends.
+void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
+  const int num_frames = static_cast<int>(poses->cols());
+  int last = -1;
+  for (int f = 0; f < num_frames; ++f) {
+    if (!observed[f]) continue;
+    for (int g = last + 1; g < f; ++g) {
+      const double w = last < 0 ? 1.0 : static_cast<double>(g - last) / (f - last);
+      poses->col(g) = BlendPoses(poses->col(std::max(last, 0)), poses->col(f), w);
+    }
+    last = f;
+  }
+  for (int g = last + 1; g < num_frames; ++g) poses->col(g) = poses->col(last);
 }
 
 }  // namespace
 
 double PersonDepth(const Eigen::VectorXd& pose) { return std::max(0.1, pose[2]); }
 
-Eigen::VectorXd BlendPoses(const Eigen::VectorXd& a, const Eigen::VectorXd& b, double w) {
-  Eigen::VectorXd blended = (1 - w) * a + w * b;
-  const Eigen::Matrix3d from = ExpSO3(a.segment<3>(3));
-  const Eigen::Vector3d turn = LogSO3(from.transpose() * ExpSO3(b.segment<3>(3)));
-  blended.segment<3>(3) = LogSO3(from * ExpSO3(w * turn));
-  return blended;
-}
-
-FrameInitialization InitializeFrames(const Skeleton& skeleton,
-                                     const std::vector<EvidenceBone>& bones, const Camera& camera,
-                                     const std::vector<FrameObservation>& observations,
-                                     const PoseOptions& options) {
-  const int num_frames = static_cast<int>(observations.size());
-  PoseOptions plain = options;  // from far away a robust loss would see nothing but outliers
-  plain.robust_2d = 0;
-  plain.robust_3d = 0;
-
+FrameInitialization InitializeFrames(const ClipEvidence& evidence) {
+  const int num_frames = evidence.num_frames();
   FrameInitialization result;
-  result.poses.setZero(skeleton.num_dofs(), num_frames);
+  result.poses.setZero(evidence.skeleton().num_dofs(), num_frames);
+  result.swaps.assign(num_frames, SideSwap::kNone);
   result.observed.assign(num_frames, false);
-  result.cost.assign(num_frames, 0);
-  FrameSolveScratch scratch;
-  const Eigen::VectorXd relaxed = RelaxedPose(skeleton);
+
+  FrameSearch search(evidence);
   int previous = -1;
-  double typical_cost = 0;  // mean over the frames solved so far
+  double cost_sum = 0;
   int num_solved = 0;
-
   for (int f = 0; f < num_frames; ++f) {
-    const FrameObservation& observation = observations[f];
-    if (observation.points.size() < kMinPoints) continue;
-
-    double best_cost = std::numeric_limits<double>::infinity();
-    Eigen::VectorXd best;
-    const auto attempt = [&](const Eigen::VectorXd& start_pose) {
-      Eigen::VectorXd pose = start_pose;
-      const FrameProblem problem =
-          MakeFrameProblem(skeleton, bones, camera, observation, PersonDepth(pose), {}, plain);
-      const SolveSummary summary =
-          SolveFrame(skeleton, problem, options.frame_solver, &pose, &scratch);
-      // Costs in millimetres at the person are comparable only per squared depth.
-      const double scale = options.pixels_in_mm ? 1 / PersonDepth(start_pose) : 1;
-      const double cost = summary.final_cost * scale * scale;
-      if (summary.termination != Termination::kFailed && cost < best_cost) {
-        best_cost = cost;
-        best = pose;
-      }
+    result.observations.push_back(evidence.Observe(f));
+    if (static_cast<int>(result.observations[f].points.size()) < kMinPoints) continue;
+    search.Reset();
+    const auto fits = [&] {
+      return num_solved >= 5 && search.cost <= kGoodFactor * cost_sum / num_solved;
     };
-    if (previous >= 0 && f - previous <= 5) attempt(result.poses.col(previous));
-    const bool tracked = num_solved >= 5 && best_cost <= kGoodFactor * typical_cost / num_solved;
-    if (!tracked) {
-      std::vector<Eigen::Matrix3d> rotations;
-      if (observation.use_3d) {
-        if (const auto torso = TorsoRotation(skeleton, bones, observation)) {
-          rotations.push_back(*torso);
-        }
-      }
-      if (rotations.empty()) {
-        // Upright, facing four ways: the camera's y points down.
-        const Eigen::Matrix3d upright =
-            Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()).toRotationMatrix();
-        for (int quarter = 0; quarter < 4; ++quarter) {
-          rotations.push_back(upright * Eigen::AngleAxisd(quarter * std::numbers::pi / 2,
-                                                          Eigen::Vector3d::UnitY()));
-        }
-      }
-      for (const Eigen::Matrix3d& rotation : rotations) {
-        for (const bool from_rest : {true, false}) {
-          Eigen::VectorXd pose = from_rest ? relaxed : ZeroPose(skeleton);
-          pose.segment<3>(3) = LogSO3(rotation);
-          pose.head<3>() = FitRootTranslation(skeleton, camera, observation, pose);
-          attempt(pose);
-        }
+    const bool tracked = previous >= 0 && f - previous <= kMaxTrackedGap;
+    if (tracked) {
+      search.FromPose(result.observations[f], SideSwap::kNone, result.poses.col(previous));
+      for (const SideSwap swap : {SideSwap::kBoth, SideSwap::k2d, SideSwap::k3d}) {
+        if (fits()) break;
+        search.FromPose(evidence.Observe(f, swap), swap, result.poses.col(previous));
       }
     }
-    if (!std::isfinite(best_cost)) continue;
-    result.poses.col(f) = best;
+    if (!fits()) search.FromFacings(result.observations[f], SideSwap::kNone);
+    if (!std::isfinite(search.cost)) continue;
+
+    result.poses.col(f) = search.pose;
+    result.swaps[f] = search.swap;
+    if (search.swap != SideSwap::kNone) result.observations[f] = evidence.Observe(f, search.swap);
     result.observed[f] = true;
-    result.cost[f] = best_cost;
-    typical_cost += best_cost;
+    cost_sum += search.cost;
     ++num_solved;
     previous = f;
   }
   if (num_solved == 0) {
     throw Error(ErrorCode::kMismatch,
-                "no frame has enough 2D detections of a person (at least 4 joints with confidence "
-                "above 0)");
+                "no frame has enough 2D detections of a person (4 joints with confidence above 0)");
   }
-
-  // Gaps: between neighbours, or the nearest frame at the ends.
-  int last = -1;
-  for (int f = 0; f < num_frames; ++f) {
-    if (!result.observed[f]) continue;
-    for (int g = last + 1; g < f; ++g) {
-      result.poses.col(g) = last < 0 ? Eigen::VectorXd(result.poses.col(f))
-                                     : BlendPoses(result.poses.col(last), result.poses.col(f),
-                                                  static_cast<double>(g - last) / (f - last));
-    }
-    last = f;
-  }
-  for (int g = last + 1; g < num_frames; ++g) result.poses.col(g) = result.poses.col(last);
+  FillGaps(result.observed, &result.poses);
   return result;
 }
 

@@ -12,6 +12,7 @@ PoseOptions PoseOptions::Paper() {
   PoseOptions options;
   options.basis_size = 8;
   options.weight_smooth = 50;
+  options.soft_band = false;
   options.anisotropic_3d = false;
   options.pixels_in_mm = false;
   options.confidence_weights = false;

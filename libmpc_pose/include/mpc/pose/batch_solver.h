@@ -21,6 +21,8 @@ struct BatchProblem {
   // N: w_d lambda^2 per dof; root translation per m^2, root rotation (in chart coordinates of
   // root_chart.h) and angles per rad^2. All positive.
   Eigen::VectorXd smoothness;
+  // K: share in [0, 1) of that weight on coefficient k inside the subspace; zeros in the paper.
+  Eigen::VectorXd band_penalty;
 };
 
 struct BatchSolveOptions {
@@ -29,8 +31,8 @@ struct BatchSolveOptions {
   double initial_damping = 1e-3;
 };
 
-// Total cost of poses (N x F): sum of frame costs + sum_n smoothness_n |(S (I - D^T D))_n|^2;
-// infinity outside the domain. The chart is chosen from the poses.
+// Total cost of poses (N x F): sum of frame costs + sum_n smoothness_n (|(S (I - D^T D))_n|^2 +
+// sum_k band_penalty_k (S D^T)_nk^2); infinity outside the domain. The chart is chosen from the poses.
 double BatchCost(const BatchProblem& problem, const Eigen::MatrixXd& poses);
 
 // Projected Levenberg-Marquardt from `poses` (N x F, clamped into the bounds first), which it

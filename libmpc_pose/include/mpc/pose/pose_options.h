@@ -13,9 +13,10 @@ struct PoseOptions {
   int overlap_frames = 10;  // in [1, window_frames / 2]
 
   // Trajectory subspace, E_d.
-  int basis_size = 0;             // K; 0: from the frame rate and cutoff_hz. Paper: 8
-  double cutoff_hz = 4;           // ours: motion above it is noise. In (0, 1000]
-  double weight_smooth = 0.02;    // w_d. Paper: 50, practically a hard projection
+  int basis_size = 0;          // K; 0: from the frame rate and cutoff_hz. Paper: 8
+  double cutoff_hz = 4;        // ours: motion above it is noise. In (0, 1000]
+  double weight_smooth = 0.2;  // w_d. Paper: 50, practically a hard projection
+  bool soft_band = true;       // ours: w_d fades in as (k / K)^4 inside the subspace; false: paper
   double lambda_translation = 1;  // per mm (paper)
   double lambda_rotation = 600;   // per rad (paper)
   double lambda_angles = 600;     // per rad (paper)

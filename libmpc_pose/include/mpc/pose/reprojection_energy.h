@@ -13,7 +13,8 @@ namespace mpc {
 struct Observation2d {
   int joint = 0;  // index into Skeleton::joints
   Eigen::Vector2d pixel = Eigen::Vector2d::Zero();
-  double weight = 1;  // >= 0
+  double weight = 1;      // >= 0
+  double confidence = 1;  // the detector's own, for reports
 };
 
 class ReprojectionEnergy {

@@ -1,0 +1,80 @@
+// Purpose: from a clip's detections to the energies of each frame.
+// Source: paper, Section 4: d3d "have to be rescaled to match the actor model", w_f from PCK_f.
+// Frames: body = camera frame. Units: metres, pixels. Symbols: J joints of the skeleton, F frames.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "mpc/core/camera.h"
+#include "mpc/core/detections.h"
+#include "mpc/pose/frame_problem.h"
+#include "mpc/pose/pose_options.h"
+#include "mpc/skeleton/skeleton.h"
+
+namespace mpc {
+
+// A bone between two observed joints and its length in the skeleton at rest.
+struct EvidenceBone {
+  int a = 0;  // indices into Skeleton::joints; a nearer the root
+  int b = 0;
+  double length = 0;  // m
+};
+
+// Which detections have their left and right joints exchanged.
+enum class SideSwap { kNone, k2d, k3d, kBoth };
+
+// One frame's detections in the skeleton's terms.
+struct FrameObservation {
+  std::vector<Observation2d> points;         // confidence times the joint's trust as weight
+  std::vector<int> bone;                     // indices into ClipEvidence::bones()
+  std::vector<Eigen::Vector3d> bone_vector;  // camera axes, rescaled to the actor, m
+  std::vector<double> bone_confidence;
+  Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  // t_f: pelvis in camera, best linear fit
+  bool has_translation = false;
+  double pck = 1;  // PCK_f: mean 2D error of the projected 3D detection over the torso's length
+  bool use_3d = false;  // w_f
+};
+
+class ClipEvidence {
+ public:
+  // detections3d may be null. Keeps references to the detections and options.
+  ClipEvidence(const Skeleton& skeleton, const Camera& camera, const Detections2d& detections2d,
+               const Detections3d* detections3d, const PoseOptions& options);
+
+  const Skeleton& skeleton() const { return skeleton_; }
+  const Camera& camera() const { return camera_; }
+  const PoseOptions& options() const { return options_; }
+  const std::vector<EvidenceBone>& bones() const { return bones_; }
+  int num_frames() const { return static_cast<int>(detections2d_.frames.size()); }
+
+  FrameObservation Observe(int f, SideSwap swap = SideSwap::kNone) const;
+
+  // The frame's energies. depth_m: distance of the person along the optical axis, for the unit of
+  // 2D residuals. robust: with the options' robust losses, else plain squares. flipped: per bone,
+  // true to mirror its 3D vector in depth (empty: none). rest: the rest prior's target (N).
+  FrameProblem MakeProblem(const FrameObservation& observation, double depth_m, bool robust,
+                           const std::vector<bool>& flipped, const Eigen::VectorXd& rest) const;
+
+ private:
+  bool Position3d(int f, JointId id, SideSwap swap, Eigen::Vector3d* position,
+                  double* confidence) const;
+  void FitTranslation(FrameObservation* observation) const;
+
+  Skeleton skeleton_;
+  Camera camera_;
+  const Detections2d& detections2d_;
+  const Detections3d* detections3d_;
+  const PoseOptions& options_;
+  std::vector<EvidenceBone> bones_;
+  std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
+  std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there
+};
+
+// A relaxed standing pose: arms down, limbs slightly bent (N; root zero). The rest prior's target
+// and a start for solvers. Hinges that the default skeleton does not name rest at zero.
+Eigen::VectorXd RelaxedPose(const Skeleton& skeleton);
+
+}  // namespace mpc

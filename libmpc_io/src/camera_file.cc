@@ -103,4 +103,26 @@ Camera ReadCamera(const std::string& spec) {
               fmt::format("{} has no camera \"{}\"; it has {}", file, name, NameList(cameras)));
 }
 
+void WriteCameras(const std::filesystem::path& path, const std::vector<Camera>& cameras) {
+  nlohmann::ordered_json list = nlohmann::ordered_json::array();
+  for (const Camera& camera : cameras) {
+    camera.Validate();
+    nlohmann::ordered_json json = {{"name", camera.name},     {"width", camera.width},
+                                   {"height", camera.height}, {"fx", camera.fx},
+                                   {"fy", camera.fy},         {"cx", camera.cx},
+                                   {"cy", camera.cy},         {"dist", camera.distortion}};
+    if (camera.has_extrinsics) {
+      const Eigen::Matrix3d& rotation = camera.camera_from_world.rotation;
+      const Eigen::Vector3d& translation = camera.camera_from_world.translation;
+      for (int i = 0; i < 3; ++i) {
+        json["R"].push_back({rotation(i, 0), rotation(i, 1), rotation(i, 2)});
+        json["t"].push_back(translation[i]);
+      }
+    }
+    list.push_back(std::move(json));
+  }
+  const nlohmann::ordered_json file = {{"cameras", std::move(list)}};
+  WriteFileAtomically(path, file.dump(1) + "\n");
+}
+
 }  // namespace mpc

@@ -1,4 +1,4 @@
-// Purpose: read cameras.json (docs/formats.md, "Cameras").
+// Purpose: read and write cameras.json (docs/formats.md, "Cameras").
 // Frames: x_in_camera = R x_in_world + t, OpenCV axes. Units: metres, pixels of the video as stored.
 #pragma once
 
@@ -18,5 +18,9 @@ std::vector<Camera> ReadCameras(const std::filesystem::path& path);
 // One camera, given as "file.json" (of a file with one camera) or "file.json:name". Throws Error
 // (kInvalidArgument) listing the names when the name is missing or unknown.
 Camera ReadCamera(const std::string& spec);
+
+// Writes all cameras, those with extrinsics with R and t. Throws Error: kInvalidArgument for a
+// camera that does not validate, kWriteFailed.
+void WriteCameras(const std::filesystem::path& path, const std::vector<Camera>& cameras);
 
 }  // namespace mpc

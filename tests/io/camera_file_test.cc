@@ -1,0 +1,73 @@
+#include "mpc/io/camera_file.h"
+
+#include <gtest/gtest.h>
+
+#include "io/temp_dir.h"
+#include "support/expect_error.h"
+
+namespace mpc {
+namespace {
+
+constexpr const char* kFull =
+    R"({"name": "left", "width": 640, "height": 480, "fx": 500, "fy": 501, "cx": 320, "cy": 240,
+        "dist": [0.1, -0.2, 0.001, 0.002, 0.03], "R": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+        "t": [1, 2, 3], "center": "ignored"})";
+constexpr const char* kPlain =
+    R"({"name": "right", "width": 640, "height": 480, "fx": 500, "fy": 500, "cx": 320, "cy": 240})";
+
+std::string File(const std::string& cameras) { return "{\"cameras\": [" + cameras + "]}"; }
+
+TEST(CameraFileTest, ReadsEveryField) {
+  const testing::TempDir dir;
+  const std::vector<Camera> cameras =
+      ReadCameras(dir.Write("c.json", File(std::string(kFull) + "," + kPlain)));
+  ASSERT_EQ(cameras.size(), 2u);
+  EXPECT_EQ(cameras[0].name, "left");
+  EXPECT_EQ(cameras[0].height, 480);
+  EXPECT_EQ(cameras[0].fy, 501);
+  EXPECT_EQ(cameras[0].distortion[4], 0.03);
+  EXPECT_TRUE(cameras[0].has_extrinsics);
+  EXPECT_TRUE((cameras[0].camera_from_world * Eigen::Vector3d(10, 20, 30))
+                  .isApprox(Eigen::Vector3d(21, -8, 33)));
+  EXPECT_FALSE(cameras[1].has_extrinsics);
+}
+
+TEST(CameraFileTest, ChoosesByName) {
+  const testing::TempDir dir;
+  const std::string one = dir.Write("one.json", File(kFull)).string();
+  const std::string two = dir.Write("a:two.json", File(std::string(kFull) + "," + kPlain)).string();
+  EXPECT_EQ(ReadCamera(one).name, "left");
+  EXPECT_EQ(ReadCamera(one + ":left").name, "left");
+  EXPECT_EQ(ReadCamera(two + ":right").name, "right");
+  EXPECT_MPC_ERROR(ReadCamera(two), kInvalidArgument, "left, right");
+  EXPECT_MPC_ERROR(ReadCamera(two + ":up"), kInvalidArgument, "left, right");
+  EXPECT_MPC_ERROR(ReadCamera((dir / "no.json").string() + ":up"), kFileNotFound, "no.json");
+}
+
+TEST(CameraFileTest, NamesTheFaultInABrokenFile) {
+  const testing::TempDir dir;
+  const auto broken = [&](const std::string& from, const std::string& to) {
+    std::string text = File(kFull);
+    text.replace(text.find(from), from.size(), to);
+    return dir.Write("c.json", text);
+  };
+  EXPECT_MPC_ERROR(ReadCameras(dir.Write("c.json", "")), kBadFile, "not valid JSON");
+  EXPECT_MPC_ERROR(ReadCameras(dir.Write("c.json", "[]")), kBadFile, "expected an object");
+  EXPECT_MPC_ERROR(ReadCameras(dir.Write("c.json", File(""))), kBadFile, "no camera");
+  EXPECT_MPC_ERROR(ReadCameras(dir.Write("c.json", std::string(100000, '['))), kBadFile, "nested");
+  EXPECT_MPC_ERROR(ReadCameras(dir.Write("c.json", File(std::string(kPlain) + "," + kPlain))),
+                   kBadFile, "repeats the camera name");
+  EXPECT_MPC_ERROR(ReadCameras(broken("\"fx\": 500", "\"fx\": 0")), kBadFile, "left");
+  EXPECT_MPC_ERROR(ReadCameras(broken("\"fx\": 500", "\"fx\": \"a\"")), kBadFile, "cameras[0].fx");
+  EXPECT_MPC_ERROR(ReadCameras(broken("\"fx\": 500", "\"fx\": 1e999")), kBadFile, "JSON");
+  EXPECT_MPC_ERROR(ReadCameras(broken("\"fx\": 500", "\"f\": 500")), kBadFile, "fx");
+  EXPECT_MPC_ERROR(ReadCameras(broken("640", "-640")), kBadFile, "left");
+  EXPECT_MPC_ERROR(ReadCameras(broken("640", "1e12")), kBadFile, "width");
+  EXPECT_MPC_ERROR(ReadCameras(broken("[0, 1, 0]", "[0, 1.01, 0]")), kBadFile, "left");
+  EXPECT_MPC_ERROR(ReadCameras(broken("[0, 1, 0]", "[0, 1]")), kBadFile, "expected 3");
+  EXPECT_MPC_ERROR(ReadCameras(broken("\"t\"", "\"u\"")), kBadFile, "only one of R and t");
+  EXPECT_MPC_ERROR(ReadCameras(broken("0.03]", "0.03, 0.1]")), kUnsupported, "distortion");
+}
+
+}  // namespace
+}  // namespace mpc

@@ -1,18 +1,18 @@
 #include "mpc/eval/retarget.h"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <string_view>
 
 #include "floor.h"
+#include "motion_source.h"
 #include "mpc/core/error.h"
 #include "mpc/core/joints.h"
 #include "mpc/core/rigid.h"
@@ -25,204 +25,15 @@ using enum JointId;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-// ------------------------------------------------------------------------ which joint is which
-
-struct Alias {
-  JointId joint;                          // the left one of a pair
-  std::array<std::string_view, 6> names;  // best first; L stands for the side's spelling
-};
-
-// Lower case without separators. Order matters: Mixamo's "LeftShoulder" is a clavicle, so "LArm"
-// is asked for first. {L} is replaced by "left"/"right" and by "l"/"r".
-constexpr std::array<Alias, 8> kAliases = {{
-    {kNeck, {"lowerneck", "neck", "neck1", "neck01", "", ""}},
-    {kHeadTop, {"head", "headtop", "", "", "", ""}},
-    {kLeftShoulder, {"{L}humerus", "{L}arm", "{L}upperarm", "{L}uparm", "{L}shoulder", ""}},
-    {kLeftElbow, {"{L}radius", "{L}forearm", "{L}lowerarm", "{L}elbow", "", ""}},
-    {kLeftWrist, {"{L}wrist", "{L}hand", "", "", "", ""}},
-    {kLeftHip, {"{L}femur", "{L}upleg", "{L}upperleg", "{L}thigh", "{L}hip", ""}},
-    {kLeftKnee, {"{L}tibia", "{L}leg", "{L}lowerleg", "{L}shin", "{L}calf", "{L}knee"}},
-    {kLeftAnkle, {"{L}foot", "{L}ankle", "", "", "", ""}},
-}};
-
-std::string Normalised(std::string_view name) {
-  // A namespace such as "mixamorig:" is not part of the name.
-  if (const size_t colon = name.rfind(':'); colon != std::string_view::npos) {
-    name.remove_prefix(colon + 1);
-  }
-  std::string result;
-  for (const char c : name) {
-    if (std::isalnum(static_cast<unsigned char>(c))) {
-      result += static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-    }
-  }
-  return result;
-}
-
-int FindAlias(const std::vector<std::string>& normalised, const Alias& alias, bool right) {
-  for (const std::string_view pattern : alias.names) {
-    if (pattern.empty()) continue;
-    const bool sided = pattern.starts_with("{L}");
-    const std::string stem(sided ? pattern.substr(3) : pattern);
-    const std::array<std::string, 2> sides = {right ? "right" : "left", right ? "r" : "l"};
-    for (const std::string& side : sides) {
-      for (const std::string& name : {sided ? side + stem : stem, sided ? stem + side : stem}) {
-        const auto it = std::find(normalised.begin(), normalised.end(), name);
-        if (it != normalised.end()) return static_cast<int>(it - normalised.begin());
-      }
-    }
-  }
-  return -1;
-}
-
-// The descendant of `joint` (or itself) that is farthest from it in the first frame.
-int FarEnd(const SourceMotion& source, int joint) {
-  const Eigen::Matrix3Xd& positions = source.joint_positions.front();
-  std::vector<bool> below(source.names.size(), false);
-  below[joint] = true;
-  int best = joint;
-  double best_distance = 0;
-  for (size_t j = joint + 1; j < source.names.size(); ++j) {
-    if (source.parents[j] < 0 || !below[source.parents[j]]) continue;
-    below[j] = true;
-    const double distance = (positions.col(j) - positions.col(joint)).norm();
-    if (distance > best_distance) {
-      best_distance = distance;
-      best = static_cast<int>(j);
-    }
-  }
-  return best;
-}
-
-// Index in the source of each JointId of the 16, -1 for those that may be missing (toes, head top).
-using JointMap = std::array<int, kNumPaperJoints>;
-
-JointMap MapJoints(const SourceMotion& source) {
-  std::vector<std::string> normalised;
-  for (const std::string& name : source.names) normalised.push_back(Normalised(name));
-  JointMap map;
-  map.fill(-1);
-  for (const Alias& alias : kAliases) {
-    map[static_cast<size_t>(alias.joint)] = FindAlias(normalised, alias, false);
-    const JointId mirror = MirrorJoint(alias.joint);
-    if (mirror != alias.joint) {
-      map[static_cast<size_t>(mirror)] = FindAlias(normalised, alias, true);
-    }
-  }
-  std::vector<std::string_view> missing;
+// The 16 joints in the skeleton; throws when one is missing.
+JointMap SkeletonJoints(const Skeleton& skeleton) {
+  JointMap joints;
   for (int j = 0; j < kNumPaperJoints; ++j) {
     const auto id = static_cast<JointId>(j);
-    const bool optional = id == kHeadTop || id == kLeftToe || id == kRightToe;
-    if (map[j] < 0 && !optional) missing.push_back(JointName(id));
-  }
-  if (!missing.empty()) {
-    throw Error(ErrorCode::kUnsupported,
-                fmt::format("no joints recognised for {}; the motion's joints are {}",
-                            fmt::join(missing, ", "), fmt::join(source.names, ", ")));
-  }
-  const auto index = [&](JointId id) -> int& { return map[static_cast<size_t>(id)]; };
-  const auto tip = [&](JointId base) {
-    const int end = FarEnd(source, index(base));
-    return end == index(base) ? -1 : end;
-  };
-  index(kHeadTop) = index(kHeadTop) >= 0 ? FarEnd(source, index(kHeadTop)) : tip(kNeck);
-  index(kLeftToe) = tip(kLeftAnkle);
-  index(kRightToe) = tip(kRightAnkle);
-  return map;
-}
-
-// ----------------------------------------------------------------------------- limb directions
-
-// A direction from the middle of two points to the middle of two others.
-struct Limb {
-  std::array<JointId, 2> from;
-  std::array<JointId, 2> to;
-};
-
-constexpr std::array<Limb, 14> kLimbs = {{
-    {{kRightHip, kRightHip}, {kLeftHip, kLeftHip}},
-    {{kLeftHip, kRightHip}, {kNeck, kNeck}},
-    {{kRightShoulder, kRightShoulder}, {kLeftShoulder, kLeftShoulder}},
-    {{kNeck, kNeck}, {kHeadTop, kHeadTop}},
-    {{kLeftShoulder, kLeftShoulder}, {kLeftElbow, kLeftElbow}},
-    {{kRightShoulder, kRightShoulder}, {kRightElbow, kRightElbow}},
-    {{kLeftElbow, kLeftElbow}, {kLeftWrist, kLeftWrist}},
-    {{kRightElbow, kRightElbow}, {kRightWrist, kRightWrist}},
-    {{kLeftHip, kLeftHip}, {kLeftKnee, kLeftKnee}},
-    {{kRightHip, kRightHip}, {kRightKnee, kRightKnee}},
-    {{kLeftKnee, kLeftKnee}, {kLeftAnkle, kLeftAnkle}},
-    {{kRightKnee, kRightKnee}, {kRightAnkle, kRightAnkle}},
-    {{kLeftAnkle, kLeftAnkle}, {kLeftToe, kLeftToe}},
-    {{kRightAnkle, kRightAnkle}, {kRightToe, kRightToe}},
-}};
-constexpr int kNumLimbs = static_cast<int>(kLimbs.size());
-constexpr std::array<int, 2> kFootLimbs = {12, 13};
-
-using LimbDirections = Eigen::Matrix<double, 3, kNumLimbs>;  // unit; zero where unknown
-
-// Unit direction per limb of the source in one frame.
-LimbDirections SourceDirections(const JointMap& map, const Eigen::Matrix3Xd& positions) {
-  LimbDirections directions = LimbDirections::Zero();
-  for (int l = 0; l < kNumLimbs; ++l) {
-    std::array<int, 4> joints{};
-    for (int i = 0; i < 2; ++i) {
-      joints[i] = map[static_cast<size_t>(kLimbs[l].from[i])];
-      joints[2 + i] = map[static_cast<size_t>(kLimbs[l].to[i])];
-    }
-    if (std::any_of(joints.begin(), joints.end(), [](int j) { return j < 0; })) continue;
-    const Eigen::Vector3d vector = 0.5 * (positions.col(joints[2]) + positions.col(joints[3]) -
-                                          positions.col(joints[0]) - positions.col(joints[1]));
-    if (vector.norm() > 1e-9) directions.col(l) = vector.normalized();
-  }
-  return directions;
-}
-
-double PitchDown(const Eigen::Vector3d& direction) {
-  return std::asin(std::clamp(-direction.y(), -1.0, 1.0));
-}
-
-// Where the ankle and the toe tip sit in a foot differs between skeletons: a flat foot's direction
-// points down by another angle. Measures the source's angle as the median over the frames in which
-// the ankle is low, and turns every foot direction, in the plane of foot and shank, by the
-// difference to `flat_pitch`, our own angle.
-void LevelFeet(const JointMap& map, const SourceMotion& source, double flat_pitch,
-               std::vector<LimbDirections>* directions) {
-  constexpr std::array<JointId, 2> ankles = {kLeftAnkle, kRightAnkle};
-  for (int side = 0; side < 2; ++side) {
-    const int foot = kFootLimbs[side];
-    if (map[static_cast<size_t>(kLimbs[foot].to[0])] < 0) continue;
-    const int ankle = map[static_cast<size_t>(ankles[side])];
-    std::vector<std::pair<double, double>> height_and_pitch;
-    for (size_t f = 0; f < directions->size(); ++f) {
-      height_and_pitch.emplace_back(source.joint_positions[f](1, ankle),
-                                    PitchDown((*directions)[f].col(foot)));
-    }
-    std::sort(height_and_pitch.begin(), height_and_pitch.end());
-    height_and_pitch.resize(height_and_pitch.size() / 4 + 1);
-    const auto middle = height_and_pitch.begin() + height_and_pitch.size() / 2;
-    std::nth_element(height_and_pitch.begin(), middle, height_and_pitch.end(),
-                     [](const auto& a, const auto& b) { return a.second < b.second; });
-    const double pitch = std::clamp(middle->second, 0.0, 50 * kDegree);
-    for (LimbDirections& frame : *directions) {
-      const Eigen::Vector3d shank = frame.col(foot - 2);
-      const Eigen::Vector3d axis = shank.cross(Eigen::Vector3d(frame.col(foot)));
-      if (axis.norm() < 0.1) continue;
-      frame.col(foot) = Eigen::AngleAxisd(pitch - flat_pitch, axis.normalized()) *
-                        Eigen::Vector3d(frame.col(foot));
-    }
-  }
-}
-
-// ----------------------------------------------------------------------------- the fit per frame
-
-// Joints of the skeleton by JointId; throws when one of the 16 is missing.
-std::array<int, kNumPaperJoints> SkeletonJoints(const Skeleton& skeleton) {
-  std::array<int, kNumPaperJoints> joints{};
-  for (int j = 0; j < kNumPaperJoints; ++j) {
-    joints[j] = skeleton.FindJointIndex(static_cast<JointId>(j));
-    if (joints[j] < 0) {
+    joints[id] = skeleton.FindJointIndex(id);
+    if (joints[id] < 0) {
       throw Error(ErrorCode::kInvalidArgument,
-                  fmt::format("the skeleton has no joint {}", JointName(static_cast<JointId>(j))));
+                  fmt::format("the skeleton has no joint {}", JointName(id)));
     }
   }
   return joints;
@@ -242,7 +53,7 @@ class DirectionFit {
   struct Solution {
     Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
     Eigen::VectorXd angles;
-    double cost = 0;
+    double cost = std::numeric_limits<double>::infinity();
   };
 
   Solution Solve(const LimbDirections& target, const Solution& start,
@@ -271,28 +82,17 @@ class DirectionFit {
     return best;
   }
 
-  // Angle between each limb and its target, rad; NaN for limbs without a target.
+  // Angle between each limb and its target, rad; zero for limbs without a target.
   Eigen::VectorXd AngleErrors(const LimbDirections& target, const Solution& solution) {
     Place(solution);
-    Eigen::VectorXd errors(kNumLimbs);
+    Eigen::VectorXd errors = Eigen::VectorXd::Zero(kNumLimbs);
     for (int l = 0; l < kNumLimbs; ++l) {
-      errors[l] = target.col(l).isZero()
-                      ? std::numeric_limits<double>::quiet_NaN()
-                      : 2 * std::asin(std::min(
-                                1.0, 0.5 * (LimbVector(l).normalized() - target.col(l)).norm()));
+      if (target.col(l).isZero()) continue;
+      const double chord = (LimbVector(l).normalized() - target.col(l)).norm();
+      errors[l] = 2 * std::asin(std::min(1.0, 0.5 * chord));
     }
     return errors;
   }
-
-  // Positions of the 16 joints with the root at the origin.
-  Eigen::Matrix<double, 3, kNumPaperJoints> JointsAtOrigin(const Solution& solution) {
-    Place(solution);
-    Eigen::Matrix<double, 3, kNumPaperJoints> joints;
-    for (int j = 0; j < kNumPaperJoints; ++j) joints.col(j) = state_.joints.col(joints_[j]);
-    return joints;
-  }
-
-  int num_hinges() const { return num_hinges_; }
 
  private:
   void Place(const Solution& solution) {
@@ -301,11 +101,9 @@ class DirectionFit {
     ForwardKinematics(skeleton_, pose_, solution.rotation, &state_);
   }
 
-  int Index(JointId joint) const { return joints_[static_cast<size_t>(joint)]; }
-
   Eigen::Vector3d LimbVector(int limb) const {
     const auto point = [&](const std::array<JointId, 2>& ends) -> Eigen::Vector3d {
-      return 0.5 * (state_.joints.col(Index(ends[0])) + state_.joints.col(Index(ends[1])));
+      return 0.5 * (state_.joints.col(joints_[ends[0]]) + state_.joints.col(joints_[ends[1]]));
     };
     return point(kLimbs[limb].to) - point(kLimbs[limb].from);
   }
@@ -327,8 +125,8 @@ class DirectionFit {
       const double length = vector.norm();
       const Eigen::Vector3d direction = vector / length;
       const auto rows = [&](const std::array<JointId, 2>& ends) -> Eigen::MatrixXd {
-        return 0.5 * (joint_jacobian_.middleRows<3>(3 * Index(ends[0])) +
-                      joint_jacobian_.middleRows<3>(3 * Index(ends[1])));
+        return 0.5 * (joint_jacobian_.middleRows<3>(3 * joints_[ends[0]]) +
+                      joint_jacobian_.middleRows<3>(3 * joints_[ends[1]]));
       };
       const Eigen::Matrix3d tangent =
           (Eigen::Matrix3d::Identity() - direction * direction.transpose()) / length;
@@ -367,7 +165,7 @@ class DirectionFit {
   }
 
   const Skeleton& skeleton_;
-  std::array<int, kNumPaperJoints> joints_;
+  JointMap joints_;
   int num_hinges_;
   Eigen::VectorXd lower_;
   Eigen::VectorXd upper_;
@@ -381,17 +179,17 @@ class DirectionFit {
 // Root rotation from the hip line and the trunk.
 Eigen::Matrix3d TrunkRotation(const LimbDirections& directions) {
   const Eigen::Vector3d left = directions.col(0);
-  const Eigen::Vector3d forward = left.cross(Eigen::Vector3d(directions.col(1))).normalized();
-  if (!forward.allFinite()) return Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d forward = left.cross(Eigen::Vector3d(directions.col(1)));
+  if (forward.norm() < 1e-6) return Eigen::Matrix3d::Identity();
   Eigen::Matrix3d rotation;
-  rotation << left, forward.cross(left), forward;
+  rotation << left, forward.normalized().cross(left), forward.normalized();
   return rotation;
 }
 
 // Angles to start from: rest, arms hanging, crouching, arms raised.
 std::vector<Eigen::VectorXd> StartAngles(const Skeleton& skeleton) {
   struct Setting {
-    std::string_view hinge;  // matched at the end of the name, so both sides alike
+    std::string_view hinge;  // end of the name, so that both sides are alike
     double angle_deg;
   };
   const std::vector<std::vector<Setting>> starts = {
@@ -420,16 +218,135 @@ std::vector<Eigen::VectorXd> StartAngles(const Skeleton& skeleton) {
   return angles;
 }
 
-double LegLength(const Eigen::Matrix3Xd& positions, const std::array<int, 6>& joints) {
-  double length = 0;
-  for (int side = 0; side < 2; ++side) {
-    for (int bone = 0; bone < 2; ++bone) {
-      length += 0.5 * (positions.col(joints[2 * bone + side]) -
-                       positions.col(joints[2 * bone + 2 + side]))
-                          .norm();
+// Root rotations and angles of all frames, root translation zero.
+Eigen::MatrixXd FitDirections(const Skeleton& skeleton, const std::vector<LimbDirections>& targets,
+                              RetargetSummary* summary) {
+  // A limb this far off makes a frame try the starts again: the previous frame may have led into a
+  // local minimum. Continuity is given up only for a much better fit.
+  constexpr double kSuspicious = 15 * kDegree;
+  constexpr double kMuchBetter = 0.5;
+  DirectionFit fit(skeleton);
+  const std::vector<Eigen::VectorXd> starts = StartAngles(skeleton);
+  Eigen::MatrixXd poses(skeleton.num_dofs(), static_cast<Eigen::Index>(targets.size()));
+  DirectionFit::Solution solution;
+  for (size_t f = 0; f < targets.size(); ++f) {
+    const Eigen::VectorXd before = solution.angles;
+    const Eigen::VectorXd* previous = f > 0 ? &before : nullptr;
+    Eigen::VectorXd errors;
+    if (f > 0) {
+      solution = fit.Solve(targets[f], solution, previous);
+      errors = fit.AngleErrors(targets[f], solution);
+    }
+    if (f == 0 || errors.maxCoeff() > kSuspicious) {
+      const double to_beat = solution.cost * (f > 0 ? kMuchBetter : 1);
+      for (const Eigen::VectorXd& angles : starts) {
+        const DirectionFit::Solution candidate =
+            fit.Solve(targets[f], {TrunkRotation(targets[f]), angles}, previous);
+        if (candidate.cost < std::min(to_beat, solution.cost)) solution = candidate;
+      }
+      errors = fit.AngleErrors(targets[f], solution);
+    }
+    const auto num_known =
+        static_cast<double>((targets[f].colwise().squaredNorm().array() > 0).count());
+    const double frame_error = errors.sum() / std::max(1.0, num_known);
+    summary->mean_direction_error_rad += frame_error / static_cast<double>(targets.size());
+    summary->max_direction_error_rad = std::max(summary->max_direction_error_rad, frame_error);
+    poses.col(static_cast<Eigen::Index>(f)) << Eigen::Vector3d::Zero(), LogSO3(solution.rotation),
+        solution.angles;
+  }
+  return poses;
+}
+
+// Mean length of the legs from hip to ankle.
+double LegLength(const JointMap& joints, const Eigen::Matrix3Xd& positions) {
+  const auto distance = [&](JointId a, JointId b) {
+    return (positions.col(joints[a]) - positions.col(joints[b])).norm();
+  };
+  return 0.5 * (distance(kLeftHip, kLeftKnee) + distance(kLeftKnee, kLeftAnkle) +
+                distance(kRightHip, kRightKnee) + distance(kRightKnee, kRightAnkle));
+}
+
+// Height above the floor for something `height` above it in the source: heights that are small
+// against `contact` count as contact, large ones lose about `contact`.
+double Clearance(double height, double contact) { return height * height / (height + contact); }
+
+// Triangular moving average of half-width `reach` (frames).
+Eigen::VectorXd Smoothed(const Eigen::VectorXd& values, double reach) {
+  const auto half = static_cast<Eigen::Index>(std::min(reach, 1e3));
+  Eigen::VectorXd smoothed(values.size());
+  for (Eigen::Index f = 0; f < values.size(); ++f) {
+    double sum = 0;
+    double weights = 0;
+    for (Eigen::Index d = -half; d <= half; ++d) {
+      if (f + d < 0 || f + d >= values.size()) continue;
+      const double weight = static_cast<double>(half + 1 - std::abs(d));
+      sum += weight * values[f + d];
+      weights += weight;
+    }
+    smoothed[f] = sum / weights;
+  }
+  return smoothed;
+}
+
+// Sets the root translations: the middle of the hips follows the source's in the plane; in height
+// the lowest joint follows the source's lowest.
+void PlaceRoot(const Skeleton& skeleton, const SourceMotion& source, const JointMap& map,
+               double scale, double leg_length, Eigen::MatrixXd* poses) {
+  const JointMap ours = SkeletonJoints(skeleton);
+  // Joints with the one whose height in the source they are measured from. Feet enter with our own
+  // shape, because which points of its feet a source has differs.
+  std::vector<std::pair<int, JointId>> height_points;
+  for (int j = 0; j < skeleton.num_joints(); ++j) {
+    switch (const JointId id = skeleton.joints[j].id) {
+      case kLeftToe:
+      case kLeftHeel:
+      case kLeftSmallToe:
+        height_points.emplace_back(j, kLeftAnkle);
+        break;
+      case kRightToe:
+      case kRightHeel:
+      case kRightSmallToe:
+        height_points.emplace_back(j, kRightAnkle);
+        break;
+      default:
+        if (static_cast<int>(id) < kNumPaperJoints && map[id] >= 0)
+          height_points.emplace_back(j, id);
     }
   }
-  return length;
+  const Eigen::MatrixXd trajectories = JointTrajectories(skeleton, *poses);
+  const double temperature = 0.003 * leg_length;
+  Eigen::VectorXd source_low(poses->cols());
+  Eigen::VectorXd our_low(poses->cols());
+  Eigen::VectorXd our_heights(static_cast<Eigen::Index>(height_points.size()));
+  Eigen::VectorXd source_heights(our_heights.size());
+  for (Eigen::Index f = 0; f < poses->cols(); ++f) {
+    const Eigen::Matrix3Xd& theirs = source.joint_positions[f];
+    const Eigen::Matrix3Xd joints = trajectories.col(f).reshaped(3, skeleton.num_joints());
+    const Eigen::Vector3d their_hips =
+        0.5 * (theirs.col(map[kLeftHip]) + theirs.col(map[kRightHip]));
+    const Eigen::Vector3d our_hips =
+        0.5 * (joints.col(ours[kLeftHip]) + joints.col(ours[kRightHip]));
+    poses->col(f).head<3>() = scale * their_hips - our_hips;
+    for (Eigen::Index i = 0; i < our_heights.size(); ++i) {
+      const auto& [joint, reference] = height_points[i];
+      our_heights[i] = joints(1, joint);
+      source_heights[i] =
+          scale * theirs(1, map[reference]) + joints(1, joint) - joints(1, ours[reference]);
+    }
+    source_low[f] = SoftMin(source_heights, temperature);
+    our_low[f] = SoftMin(our_heights, temperature);
+  }
+  // The source's floor: the height of its lowest joint that only one frame in twenty goes below.
+  Eigen::VectorXd sorted = source_low;
+  std::sort(sorted.begin(), sorted.end());
+  Eigen::VectorXd lift(poses->cols());
+  const double source_floor = sorted[(poses->cols() - 1) / 20];
+  for (Eigen::Index f = 0; f < poses->cols(); ++f) {
+    const double height = std::max(0.0, source_low[f] - source_floor);
+    lift[f] = Clearance(height, 0.06 * leg_length) - our_low[f] - (*poses)(1, f);
+  }
+  // The lift follows the floor, not every twitch of a foot.
+  poses->row(1) += Smoothed(lift, 0.1 * source.fps).transpose();
 }
 
 }  // namespace
@@ -464,96 +381,24 @@ Eigen::MatrixXd Retarget(const Skeleton& skeleton, const SourceMotion& source,
                          RetargetSummary* summary) {
   skeleton.Validate();
   source.Validate();
-  const JointMap map = MapJoints(source);
-  const auto num_frames = static_cast<Eigen::Index>(source.joint_positions.size());
+  const JointMap map = MapSourceJoints(source);
+  const JointMap ours = SkeletonJoints(skeleton);
 
   KinematicState rest;
   ForwardKinematics(skeleton, ZeroPose(skeleton), &rest);
-  const std::array<int, kNumPaperJoints> ours = SkeletonJoints(skeleton);
-  const Eigen::Vector3d rest_foot = rest.joints.col(ours[static_cast<size_t>(kLeftToe)]) -
-                                    rest.joints.col(ours[static_cast<size_t>(kLeftAnkle)]);
-  std::vector<LimbDirections> targets;
-  for (const Eigen::Matrix3Xd& positions : source.joint_positions) {
-    targets.push_back(SourceDirections(map, positions));
-  }
-  LevelFeet(map, source, PitchDown(rest_foot.normalized()), &targets);
-
-  std::array<int, 6> our_legs{};
-  std::array<int, 6> source_legs{};
-  for (int i = 0; i < 6; ++i) {
-    our_legs[i] = ours[static_cast<size_t>(kLeftHip) + i];
-    source_legs[i] = map[static_cast<size_t>(kLeftHip) + i];
-  }
-  const double our_leg = LegLength(rest.joints, our_legs);
-  const double source_leg = LegLength(source.joint_positions.front(), source_legs);
+  const double our_leg = LegLength(ours, rest.joints);
+  const double source_leg = LegLength(map, source.joint_positions.front());
   if (!(source_leg > 0)) {
     throw Error(ErrorCode::kInvalidArgument, "the motion's legs have no length");
   }
-  const double scale = our_leg / source_leg;
+  const Eigen::Vector3d foot = rest.joints.col(ours[kLeftToe]) - rest.joints.col(ours[kLeftAnkle]);
 
-  DirectionFit fit(skeleton);
-  const std::vector<Eigen::VectorXd> starts = StartAngles(skeleton);
-  DirectionFit::Solution solution;
-  Eigen::MatrixXd poses(skeleton.num_dofs(), num_frames);
-  Eigen::VectorXd source_low(num_frames);
-  double error_sum = 0;
-  double error_max = 0;
-  for (Eigen::Index f = 0; f < num_frames; ++f) {
-    const LimbDirections& target = targets[f];
-    if (f == 0) {
-      solution.cost = std::numeric_limits<double>::infinity();
-      for (const Eigen::VectorXd& angles : starts) {
-        const DirectionFit::Solution candidate =
-            fit.Solve(target, {TrunkRotation(target), angles, 0}, nullptr);
-        if (candidate.cost < solution.cost) solution = candidate;
-      }
-    } else {
-      const Eigen::VectorXd previous = solution.angles;
-      solution = fit.Solve(target, solution, &previous);
-    }
-    const Eigen::VectorXd errors = fit.AngleErrors(target, solution);
-    const Eigen::VectorXd known = errors.array().isNaN().select(0, errors);
-    const double frame_error = known.sum() / static_cast<double>((errors.array() >= 0).count());
-    error_sum += frame_error;
-    error_max = std::max(error_max, frame_error);
-
-    // The middle of the hips follows the source's; the height is corrected so that the lowest
-    // joint is as far above the floor as the source's lowest.
-    const Eigen::Matrix3Xd& positions = source.joint_positions[f];
-    const Eigen::Matrix<double, 3, kNumPaperJoints> joints = fit.JointsAtOrigin(solution);
-    const auto hip_middle = [&](const Eigen::Matrix3Xd& x, int left, int right) {
-      return Eigen::Vector3d(0.5 * (x.col(left) + x.col(right)));
-    };
-    const auto left_hip = static_cast<int>(kLeftHip);
-    const auto right_hip = static_cast<int>(kRightHip);
-    Eigen::Vector3d root = scale * hip_middle(positions, map[left_hip], map[right_hip]) -
-                           hip_middle(joints, left_hip, right_hip);
-    std::vector<double> source_heights;
-    std::vector<double> our_heights;
-    for (int j = 0; j < kNumPaperJoints; ++j) {
-      if (map[j] < 0) continue;
-      source_heights.push_back(scale * positions(1, map[j]));
-      our_heights.push_back(joints(1, j));
-    }
-    const auto low = [our_leg](const std::vector<double>& heights) {
-      return SoftMin(Eigen::Map<const Eigen::VectorXd>(heights.data(), heights.size()),
-                     0.01 * our_leg);
-    };
-    source_low[f] = low(source_heights);
-    root.y() = source_low[f] - low(our_heights);
-
-    poses.col(f) << root, LogSO3(solution.rotation), solution.angles;
-  }
-  // The floor: the height of the lowest joint that only one frame in twenty goes below.
-  Eigen::VectorXd sorted = source_low;
-  std::sort(sorted.begin(), sorted.end());
-  poses.row(1).array() -= sorted[(num_frames - 1) / 20];
-
-  if (summary != nullptr) {
-    summary->mean_direction_error_rad = error_sum / static_cast<double>(num_frames);
-    summary->max_direction_error_rad = error_max;
-    summary->scale = scale;
-  }
+  RetargetSummary result;
+  result.scale = our_leg / source_leg;
+  Eigen::MatrixXd poses =
+      FitDirections(skeleton, SourceDirections(source, map, PitchDown(foot.normalized())), &result);
+  PlaceRoot(skeleton, source, map, result.scale, our_leg, &poses);
+  if (summary != nullptr) *summary = result;
   return poses;
 }
 

@@ -132,6 +132,9 @@ void LinkNodes(GltfDocument* document) {
     check(node.translation, 3, "translation");
     check(node.rotation, 4, "rotation");
     check(node.scale, 3, "scale");
+    if (!node.rotation.empty() && Eigen::Vector4d(node.rotation.data()).norm() < 1e-6) {
+      document->Fail(fmt::format("node {} has a rotation of length 0", n));
+    }
   }
   // With one parent per node at most, a cycle is a node that is its own ancestor.
   std::vector<int> seen(model.nodes.size(), -1);
@@ -243,8 +246,7 @@ Eigen::Affine3d GltfDocument::LocalTransform(int node_index) const {
     local.translation() = Eigen::Map<const Eigen::Vector3d>(node.translation.data());
   }
   if (!node.rotation.empty()) {
-    const Eigen::Quaterniond q(Eigen::Map<const Eigen::Vector4d>(node.rotation.data()));
-    if (q.norm() < 1e-6) Fail(fmt::format("node {} has a rotation of length 0", node_index));
+    const Eigen::Quaterniond q(Eigen::Vector4d(node.rotation.data()));
     local.linear() = q.normalized().toRotationMatrix();
   }
   if (!node.scale.empty()) {

@@ -82,8 +82,8 @@ TEST_P(CharacterOfEveryRig, BindAnglesAreThoseOfTheModel) {
     const std::string side = sign > 0 ? "left_" : "right_";
     // Mirrored hinges: the same motion has the same angle on both sides.
     EXPECT_NEAR(Angle(character, side + "shoulder_abduction"), -options.arm_down_rad, 1e-6);
-    EXPECT_NEAR(Angle(character, side + "shoulder_flexion"), 0, 1e-6);
-    EXPECT_NEAR(Angle(character, side + "shoulder_twist"), 0, 1e-6);
+    EXPECT_NEAR(Angle(character, side + "shoulder_flexion"), options.arm_forward_rad, 1e-6);
+    EXPECT_NEAR(Angle(character, side + "shoulder_twist"), options.arm_twist_rad, 1e-6);
     EXPECT_NEAR(Angle(character, side + "elbow_flexion"), options.elbow_bend_rad, 1e-6);
     EXPECT_NEAR(Angle(character, side + "knee_flexion"), options.knee_bend_rad, 0.1);
   }

@@ -19,6 +19,8 @@ namespace mpc::testing {
 
 struct TestRigOptions {
   double arm_down_rad = 0;      // 0: T-pose; about 0.8: A-pose
+  double arm_forward_rad = 0;   // upper arm swung forward
+  double arm_twist_rad = 0;     // upper arm about itself: tilts the plane of the elbow
   double elbow_bend_rad = 0;    // forearm forward of the upper arm
   double knee_bend_rad = 0;     // shank behind the thigh
   double yaw_rad = 0;           // turn of the whole rig about y
@@ -96,13 +98,16 @@ inline RigAsset MakeTestRig(const TestRigOptions& options = {}) {
     const auto leg = [&](int i) -> Vector3d& {
       return x[static_cast<size_t>(RigPart::kLeftUpperLeg) + 4 * side + i];
     };
-    const Eigen::Matrix3d down =
-        AngleAxisd(-sign * options.arm_down_rad, Vector3d::UnitZ()).toRotationMatrix();
-    const Eigen::Matrix3d bent =
-        down * AngleAxisd(-sign * options.elbow_bend_rad, Vector3d::UnitY()).toRotationMatrix();
+    const auto about = [](double angle, const Vector3d& axis) {
+      return AngleAxisd(angle, axis).toRotationMatrix();
+    };
+    const Eigen::Matrix3d upper = about(-sign * options.arm_down_rad, Vector3d::UnitZ()) *
+                                  about(-sign * options.arm_forward_rad, Vector3d::UnitY()) *
+                                  about(options.arm_twist_rad, Vector3d::UnitX());
+    const Eigen::Matrix3d lower = upper * about(-sign * options.elbow_bend_rad, Vector3d::UnitY());
     arm(0) = {sign * 0.19, 1.43, -0.01};
-    arm(1) = arm(0) + down * Vector3d(sign * 0.28, 0, 0);
-    arm(2) = arm(1) + bent * Vector3d(sign * 0.26, 0, 0);
+    arm(1) = arm(0) + upper * Vector3d(sign * 0.28, 0, 0);
+    arm(2) = arm(1) + lower * Vector3d(sign * 0.26, 0, 0);
     const AngleAxisd knee(options.knee_bend_rad, Vector3d::UnitX());
     leg(0) = {sign * 0.10, 0.94, 0};
     leg(1) = leg(0) + Vector3d(sign * 0.02, -0.42, 0.01);
@@ -180,14 +185,16 @@ inline RigAsset MakeTestRig(const TestRigOptions& options = {}) {
 
 // The shapes every rig test goes through.
 inline std::vector<TestRigOptions> TestRigVariants() {
-  return {{},
-          {.arm_down_rad = 0.8},
-          {.arm_down_rad = 0.8, .elbow_bend_rad = 0.7, .knee_bend_rad = 0.4},
-          {.arm_down_rad = 1.3, .elbow_bend_rad = 0.3},
-          {.arm_down_rad = 0.7, .yaw_rad = 2.5},
-          {.yaw_rad = std::numbers::pi},
-          {.bone_scale = 100},
-          {.arm_down_rad = 0.8, .yaw_rad = -1.2, .bone_scale = 0.01, .bone_rotations = true}};
+  return {
+      {},
+      {.arm_down_rad = 0.8},
+      {.arm_down_rad = 0.8, .elbow_bend_rad = 0.7, .knee_bend_rad = 0.4},
+      {.arm_down_rad = 1.3, .elbow_bend_rad = 0.3},
+      {.arm_down_rad = 0.6, .arm_forward_rad = 0.5, .arm_twist_rad = 0.4, .elbow_bend_rad = 0.5},
+      {.arm_down_rad = 0.7, .yaw_rad = 2.5},
+      {.yaw_rad = std::numbers::pi},
+      {.bone_scale = 100},
+      {.arm_down_rad = 0.8, .yaw_rad = -1.2, .bone_scale = 0.01, .bone_rotations = true}};
 }
 
 }  // namespace mpc::testing

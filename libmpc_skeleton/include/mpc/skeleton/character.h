@@ -28,11 +28,15 @@ struct Character {
 };
 
 // Fits the default skeleton into the rig: joint positions from the mapped bones, hinge axes from
-// the anatomical frame of each limb at bind, toe tips, heels and the head top from the mesh. The
-// skeleton's forward kinematics at bind_pose reproduces the bones' positions exactly. Weights are
-// merged per segment and normalised; a vertex without weights follows the nearest bone.
-// Throws Error (kUnsupported) for a rig whose parts coincide (zero-length limbs) or whose left and
-// right cannot be told apart.
+// the anatomical frame of each limb at bind, toe tips, heels, the head top and the face from the
+// mesh, or by average proportions where it does not show them. At bind the head is taken to be
+// straight and the feet to stand flat; an elbow or knee bent by more than 10 degrees defines its
+// hinge. The skeleton's forward kinematics at bind_pose reproduces the bones' positions exactly;
+// bind angles may lie outside the bounds. Weights are merged per segment, normalised, the heaviest
+// first; a vertex without weights follows the nearest bone.
+// Throws Error: kUnsupported for a rig whose parts coincide (zero-length limbs), whose left and
+// right cannot be told apart, or without a required part; kMismatch for a map of another rig;
+// kBadFile for a rig that does not validate.
 Character BuildCharacter(const RigAsset& rig, const RigMap& map);
 
 }  // namespace mpc

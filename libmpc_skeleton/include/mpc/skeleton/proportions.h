@@ -9,7 +9,9 @@
 
 namespace mpc {
 
-// Lengths that may be scaled on their own; left and right always alike.
+// Lengths that may be scaled on their own; left and right always alike. Limb bones stretch along
+// themselves, the trunk in height (torso) and width (shoulders: chest, hips: pelvis), the head with
+// the neck and the feet as a whole.
 enum class BodyPart {
   kTorso,
   kShoulders,
@@ -35,7 +37,8 @@ Skeleton ScaledSkeleton(const Skeleton& skeleton, const Proportions& proportions
 // Character and rig with the proportions applied at bind: every vertex follows its segments' change
 // of origin and length. Both stay consistent: skinning the new character at any pose equals
 // skinning the new rig's bones. Feet keep their height above the sole: the actor's lowest vertex
-// keeps its y. Throws Error (kInvalidArgument) for scales outside [0.2, 5].
+// keeps its y. Throws Error: kInvalidArgument for scales outside [0.2, 5], kMismatch for a character
+// of another rig.
 void ApplyProportions(const Proportions& proportions, Character* character, RigAsset* rig);
 
 }  // namespace mpc

@@ -81,9 +81,10 @@ enum DefaultSegment {
   kNumDefaultSegments,
 };
 
-// The paper's skeleton for an adult of the given height (m): 14 segments, 27 hinges, the 16 joints and
-// all extra points of JointId; at zero angles every segment's axes are the root's; segment lengths as fractions of height after Winter, "Biomechanics and Motor
-// Control of Human Movement", 4th ed., Fig. 4.1.
+// The paper's skeleton for an adult of the given height (m): 14 segments, 27 hinges, the 16 joints
+// and all extra points of JointId. At zero angles every segment's axes are the root's. Segment
+// lengths as fractions of height after Winter, "Biomechanics and Motor Control of Human Movement",
+// 4th ed., Fig. 4.1.
 Skeleton DefaultSkeleton(double height_m = 1.75);
 
 // A pose of N zeros.

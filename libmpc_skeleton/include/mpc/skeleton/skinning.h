@@ -2,8 +2,9 @@
 // Source: Kavan et al. 2007, "Skinning with dual quaternions" (paper, Section 4).
 // Units: metres. Symbols: S segments, V vertices, K influences.
 // Contract: positions 3xV in; out is sized by the caller (3xV) and must not alias the input;
-// segments and weights KxV, every column of weights sums to one. No allocation after the first call
-// with the same sizes. Thread-safe for different outputs.
+// segments and weights KxV, every column of weights sums to one. Throws Error (kInvalidArgument)
+// for sizes that do not fit; segment indices must be valid, they are not checked per call. No
+// allocation after the first call with the same sizes. Thread-safe for different outputs.
 #pragma once
 
 #include <Eigen/Core>
@@ -21,11 +22,13 @@ struct DualQuaternion {
   Eigen::Vector4f dual = {0, 0, 0, 0};
 };
 
-// Motions of all segments between two states: S entries, sized by the function.
+// Motions of all segments between two states: S entries, sized by the function. Throws Error
+// (kMismatch) for states of different skeletons.
 void SegmentMotions(const KinematicState& bind, const KinematicState& state,
                     std::vector<DualQuaternion>* motions);
 
-// Blends dual quaternions per vertex, antipodality resolved against the vertex's first influence.
+// Blends dual quaternions per vertex, antipodality resolved against the vertex's first influence
+// (which should weigh something; a blend that cancels out stays finite, but means nothing).
 // The kernel picks AVX2+FMA at run time where the machine has it; the Scalar twin is the reference.
 void SkinDualQuaternion(const Eigen::Matrix3Xf& positions, const Eigen::MatrixXi& segments,
                         const Eigen::MatrixXf& weights, const std::vector<DualQuaternion>& motions,

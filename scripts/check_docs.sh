@@ -44,9 +44,9 @@ extract_blocks() {
 for page in README.md docs/*.md; do
   [ -e "$page" ] || continue
   blocks=$scratch/blocks/$page
-  work=$scratch/work/$page
-  mkdir -p "$blocks" "$work"
-  ln -s "$root"/* "$work"
+  run=$scratch/run/$page
+  mkdir -p "$blocks" "$run"
+  ln -s "$root"/* "$run"
   extract_blocks "$page" "$blocks"
   for block in "$blocks"/*.block; do
     [ -e "$block" ] || continue
@@ -60,7 +60,7 @@ for page in README.md docs/*.md; do
           continue
         fi
         echo "running $place"
-        (cd "$work" && bash -euo pipefail "$block.text" </dev/null) || fail "$place"
+        (cd "$run" && bash -euo pipefail "$block.text" </dev/null) || fail "$place"
         ;;
       "cpp "*)
         echo "comparing $place"

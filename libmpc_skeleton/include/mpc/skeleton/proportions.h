@@ -37,8 +37,8 @@ Skeleton ScaledSkeleton(const Skeleton& skeleton, const Proportions& proportions
 // Character and rig with the proportions applied at bind: every vertex follows its segments' change
 // of origin and length. Both stay consistent: skinning the new character at any pose equals
 // skinning the new rig's bones. Feet keep their height above the sole: the actor's lowest vertex
-// keeps its y. Throws Error: kInvalidArgument for scales outside [0.2, 5], kMismatch for a character
-// of another rig.
+// keeps its y. Throws Error: kInvalidArgument for scales outside [0.2, 5], kMismatch for a
+// character of another rig.
 void ApplyProportions(const Proportions& proportions, Character* character, RigAsset* rig);
 
 }  // namespace mpc

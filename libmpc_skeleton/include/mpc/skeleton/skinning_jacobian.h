@@ -11,8 +11,8 @@
 namespace mpc {
 
 // Position of one vertex (body frame, double) and, if `jacobian` is given, its derivative 3 x N
-// with columns as in JointJacobian (columns 3..5: left rotation of the root). `jacobian` is sized by
-// the function. O(K N). Throws Error (kInvalidArgument) for a vertex out of range.
+// with columns as in JointJacobian (columns 3..5: left rotation of the root). `jacobian` is sized
+// by the function. O(K N). Throws Error (kInvalidArgument) for a vertex out of range.
 Eigen::Vector3d SkinnedVertex(const Character& character, const KinematicState& state, int vertex,
                               Eigen::Matrix3Xd* jacobian = nullptr);
 

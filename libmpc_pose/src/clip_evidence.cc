@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <string_view>
 #include <utility>
 
@@ -13,6 +14,7 @@ namespace {
 using enum JointId;
 
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kNoPck = 1e3;  // PCK of a frame that cannot be compared
 
 // Parents first. The torso is spanned by joints that detectors and rigs define alike.
 constexpr std::array<JointPair, 23> kBones = {{
@@ -65,28 +67,49 @@ double JointTrust(JointId id) {
   }
 }
 
-// Joint positions of the rescaled detection relative to the pelvis, chained along the bones.
+// The distance of two joints never changes: one of them lies in, or at the origin of, the segment
+// of the other.
+bool IsRigid(const Skeleton& skeleton, int a, int b) {
+  const auto carrier = [&](int joint) {
+    const int segment = skeleton.joints[joint].segment;
+    const bool at_origin = skeleton.joints[joint].x_in_segment.isZero();
+    return at_origin && segment > 0 ? skeleton.segments[segment].parent : segment;
+  };
+  const int segment_a = skeleton.joints[a].segment;
+  const int segment_b = skeleton.joints[b].segment;
+  return segment_a == segment_b || carrier(a) == segment_b || segment_a == carrier(b) ||
+         carrier(a) == carrier(b);
+}
+
+// Joint positions of the rescaled detection, chained along the bones from the first one seen.
 struct ChainedJoints {
   std::vector<int> joints;  // indices into Skeleton::joints
   Eigen::Matrix3Xd positions;
 };
 
-ChainedJoints ChainJoints(int num_joints, int pelvis, const std::vector<EvidenceBone>& bones,
+ChainedJoints ChainJoints(int num_joints, const std::vector<EvidenceBone>& bones,
                           const FrameObservation& observation) {
   ChainedJoints chained;
-  std::vector<Eigen::Vector3d> position(num_joints);
+  std::vector<Eigen::Vector3d> position(num_joints, Eigen::Vector3d::Zero());
   std::vector<bool> known(num_joints, false);
-  if (pelvis >= 0) {
-    position[pelvis].setZero();
-    known[pelvis] = true;
-    chained.joints.push_back(pelvis);
-  }
-  for (size_t i = 0; i < observation.bone.size(); ++i) {
-    const EvidenceBone& bone = bones[observation.bone[i]];
-    if (!known[bone.a] || known[bone.b]) continue;
-    position[bone.b] = position[bone.a] + observation.bone_vector[i];
-    known[bone.b] = true;
-    chained.joints.push_back(bone.b);
+  const auto add = [&](int joint, const Eigen::Vector3d& x) {
+    position[joint] = x;
+    known[joint] = true;
+    chained.joints.push_back(joint);
+  };
+  for (bool grown = !observation.bone.empty(); grown;) {
+    grown = false;
+    if (chained.joints.empty()) add(bones[observation.bone[0]].a, Eigen::Vector3d::Zero());
+    for (size_t i = 0; i < observation.bone.size(); ++i) {
+      const EvidenceBone& bone = bones[observation.bone[i]];
+      if (known[bone.a] == known[bone.b]) continue;
+      if (known[bone.a]) {
+        add(bone.b, position[bone.a] + observation.bone_vector[i]);
+      } else {
+        add(bone.a, position[bone.b] - observation.bone_vector[i]);
+      }
+      grown = true;
+    }
   }
   chained.positions.resize(3, chained.joints.size());
   for (size_t i = 0; i < chained.joints.size(); ++i) {
@@ -116,7 +139,8 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
     const int a = joint_index_[static_cast<int>(pair.a)];
     const int b = joint_index_[static_cast<int>(pair.b)];
     if (a < 0 || b < 0) continue;
-    bones_.push_back({a, b, (rest.joints.col(b) - rest.joints.col(a)).norm()});
+    bones_.push_back(
+        {a, b, (rest.joints.col(b) - rest.joints.col(a)).norm(), IsRigid(skeleton_, a, b)});
   }
 }
 
@@ -166,6 +190,8 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap) const {
 
   const Eigen::Matrix3d camera_from_detection =
       detections3d_->ray_aligned ? observation.camera_from_ray : Eigen::Matrix3d::Identity();
+  double rigid_length = 0;
+  double detected_length = 0;
   for (size_t i = 0; i < bones_.size(); ++i) {
     Eigen::Vector3d a, b;
     double confidence_a = 0;
@@ -177,81 +203,113 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap) const {
     const Eigen::Vector3d vector = camera_from_detection * (b - a);
     const double length = vector.norm();
     if (length < 1e-6) continue;
+    if (bones_[i].rigid) {
+      rigid_length += bones_[i].length;
+      detected_length += length;
+    }
     observation.bone.push_back(static_cast<int>(i));
-    observation.bone_vector.push_back(vector * (bones_[i].length / length));
+    observation.bone_vector.push_back(vector);
     observation.bone_confidence.push_back(
         options_.confidence_weights ? std::min(confidence_a, confidence_b) : 1);
   }
-  FitTranslation(&observation);
+  if (rigid_length == 0) {
+    observation.bone.clear();
+    return observation;
+  }
+  // Rigid bones take the actor's length, the others (across the spine or neck) the frame's scale.
+  observation.scale_3d = rigid_length / detected_length;
+  for (size_t i = 0; i < observation.bone.size(); ++i) {
+    const EvidenceBone& bone = bones_[observation.bone[i]];
+    Eigen::Vector3d& vector = observation.bone_vector[i];
+    vector *= bone.rigid ? bone.length / vector.norm() : observation.scale_3d;
+  }
+  observation.pck = Pck(f, swap, camera_from_detection, observation);
   // w_f: binary, from PCK_f.
-  observation.use_3d = observation.has_translation && observation.pck < options_.pck_threshold;
+  observation.use_3d = observation.pck < options_.pck_threshold;
   return observation;
 }
 
-// t_f: where the detection must be so that it projects onto the 2D points (linear least squares in
-// normalised coordinates); then PCK_f over the joints both sources have.
-void ClipEvidence::FitTranslation(FrameObservation* observation) const {
-  const ChainedJoints chained = ChainJoints(
-      skeleton_.num_joints(), joint_index_[static_cast<int>(kPelvis)], bones_, *observation);
+// PCK_f: the 3D detection, scaled to the actor, is placed where it projects best onto the 2D points
+// (t_f, linear least squares in normalised coordinates, reweighted against outliers); the error is
+// taken over the joints both sources have, in torso lengths.
+double ClipEvidence::Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
+                         const FrameObservation& observation) const {
   struct Match {
-    Eigen::Vector3d x;
-    const Observation2d* point;
+    Eigen::Vector3d x;  // metres, any offset
+    Eigen::Vector2d m;  // normalised image point
+    Eigen::Vector2d pixel;
+    JointId id;
+    double weight;
   };
   std::vector<Match> matches;
-  for (size_t i = 0; i < chained.joints.size(); ++i) {
-    for (const Observation2d& point : observation->points) {
-      if (point.joint == chained.joints[i]) matches.push_back({chained.positions.col(i), &point});
-    }
+  for (const Observation2d& point : observation.points) {
+    const JointId id = skeleton_.joints[point.joint].id;
+    Eigen::Vector3d x;
+    double confidence = 0;
+    if (!Position3d(f, id, swap, &x, &confidence)) continue;
+    matches.push_back({observation.scale_3d * (camera_from_detection * x),
+                       Undistort(camera_, point.pixel), point.pixel, id, point.weight});
   }
-  if (matches.size() < 3) return;
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
-  for (const auto& [x, point] : matches) {
-    const Eigen::Vector2d m = Undistort(camera_, point->pixel);
-    for (int axis = 0; axis < 2; ++axis) {
-      // (x_axis + t_axis) - m_axis (x_z + t_z) = 0
-      Eigen::Vector3d row = Eigen::Vector3d::Unit(axis);
-      row.z() = -m[axis];
-      a += point->weight * row * row.transpose();
-      b += point->weight * row * (m[axis] * x.z() - x[axis]);
-    }
-  }
-  const Eigen::LDLT<Eigen::Matrix3d> ldlt(a);
-  const Eigen::Vector3d translation = ldlt.solve(b);
-  if (ldlt.info() != Eigen::Success || !translation.allFinite() || translation.z() < 0.1) return;
-  observation->translation = translation;
-  observation->has_translation = true;
-
+  if (matches.size() < 4) return kNoPck;
+  double torso_px = 0;
+  double extent = 0;
   const auto pixel_of = [&](JointId id) -> const Eigen::Vector2d* {
-    for (const Observation2d& point : observation->points) {
-      if (skeleton_.joints[point.joint].id == id) return &point.pixel;
+    for (const Match& match : matches) {
+      if (match.id == id) return &match.pixel;
     }
     return nullptr;
   };
-  double torso_px = 0;
-  for (const auto& [shoulder, hip] :
-       {std::pair{kLeftShoulder, kLeftHip}, std::pair{kRightShoulder, kRightHip}}) {
-    const Eigen::Vector2d* s = pixel_of(shoulder);
-    const Eigen::Vector2d* h = pixel_of(hip);
-    if (s != nullptr && h != nullptr) torso_px = std::max(torso_px, (*s - *h).norm());
+  for (const JointPair& side :
+       {JointPair{kLeftShoulder, kLeftHip}, JointPair{kRightShoulder, kRightHip}}) {
+    const Eigen::Vector2d* shoulder = pixel_of(side.a);
+    const Eigen::Vector2d* hip = pixel_of(side.b);
+    if (shoulder != nullptr && hip != nullptr) {
+      torso_px = std::max(torso_px, (*shoulder - *hip).norm());
+    }
   }
-  double error = 0;
-  double weight = 0;
-  double extent = 0;
-  for (const auto& [x, point] : matches) {
-    Eigen::Vector2d pixel;
-    if (!Project(camera_, x + translation, &pixel)) continue;
-    error += point->weight * (pixel - point->pixel).norm();
-    weight += point->weight;
-    extent = std::max(extent, (point->pixel - matches[0].point->pixel).norm());
+  for (const Match& match : matches) {
+    extent = std::max(extent, (match.pixel - matches[0].pixel).norm());
   }
   // A torso seen end-on projects short: never divide by less than a quarter of the whole extent.
   torso_px = std::max(torso_px, 0.25 * extent);
-  observation->pck = weight > 0 && torso_px > 0 ? error / weight / torso_px : 1;
+  if (torso_px <= 0) return kNoPck;
+
+  const bool robust = options_.robust_2d > 0;
+  std::vector<double> trust(matches.size(), 1);
+  std::vector<double> errors(matches.size());
+  for (int round = 0; round < (robust ? 4 : 1); ++round) {
+    Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    for (size_t i = 0; i < matches.size(); ++i) {
+      const auto& [x, m, pixel, id, weight] = matches[i];
+      for (int axis = 0; axis < 2; ++axis) {
+        // (x_axis + t_axis) - m_axis (x_z + t_z) = 0
+        Eigen::Vector3d row = Eigen::Vector3d::Unit(axis);
+        row.z() = -m[axis];
+        a += trust[i] * weight * row * row.transpose();
+        b += trust[i] * weight * row * (m[axis] * x.z() - x[axis]);
+      }
+    }
+    const Eigen::Vector3d translation = a.ldlt().solve(b);
+    if (!translation.allFinite()) return kNoPck;
+    for (size_t i = 0; i < matches.size(); ++i) {
+      Eigen::Vector2d pixel;
+      const bool visible = Project(camera_, matches[i].x + translation, &pixel);
+      errors[i] = visible ? (pixel - matches[i].pixel).norm() / torso_px : kNoPck;
+      const double relative = errors[i] / options_.pck_threshold;
+      trust[i] = 1 / (1 + relative * relative);
+    }
+  }
+  if (robust) {
+    // A few outliers must not switch a frame's 3D off: the median in place of the mean.
+    std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
+    return errors[errors.size() / 2];
+  }
+  return std::accumulate(errors.begin(), errors.end(), 0.0) / static_cast<double>(errors.size());
 }
 
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,
-                                       bool robust, const std::vector<bool>& flipped,
+                                       double loss_width, const std::vector<bool>& flipped,
                                        const Eigen::VectorXd& rest) const {
   FrameProblem problem;
   // The sums of E_2d and E_3d are means over the paper's joints.
@@ -262,7 +320,7 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
   std::vector<Observation2d> points = observation.points;
   for (Observation2d& point : points) point.weight *= mean;
   problem.reprojection =
-      ReprojectionEnergy(camera_, std::move(points), unit_per_px, robust ? options_.robust_2d : 0);
+      ReprojectionEnergy(camera_, std::move(points), unit_per_px, loss_width * options_.robust_2d);
 
   if (observation.use_3d && options_.anisotropic_3d) {
     const Eigen::Matrix3d& rotation = observation.camera_from_ray;
@@ -279,11 +337,10 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     BoneVectorWeights weights;
     weights.across = std::sqrt(options_.weight_3d_across);
     weights.along = std::sqrt(options_.weight_3d_along);
-    weights.robust_scale = robust ? options_.robust_3d : 0;
+    weights.robust_scale = loss_width * options_.robust_3d;
     problem.bone_vectors = BoneVectorEnergy(std::move(vectors), rotation, weights);
   } else if (observation.use_3d) {
-    const ChainedJoints chained = ChainJoints(
-        skeleton_.num_joints(), joint_index_[static_cast<int>(kPelvis)], bones_, observation);
+    const ChainedJoints chained = ChainJoints(skeleton_.num_joints(), bones_, observation);
     problem.joint_positions =
         JointPositionEnergy(chained.joints, chained.positions, options_.weight_3d * mean);
   }

@@ -19,6 +19,8 @@ constexpr int kMinPoints = 4;
 constexpr int kMaxTrackedGap = 5;  // frames across which the previous pose is still a start
 // A start fits when its cost is at most this factor above the typical cost of the clip so far.
 constexpr double kGoodFactor = 2.5;
+// Robust scales while looking for the pose, as a factor of the final ones.
+constexpr double kInitialLossWidth = 3;
 // Exchanged sides must explain the frame this much better.
 constexpr double kSwapPenalty = 1.5;
 
@@ -84,18 +86,15 @@ class FrameSearch {
 
   void Reset() { cost = std::numeric_limits<double>::infinity(); }
 
+  // From afar a narrow robust loss would see nothing but outliers: plain squares lead the way.
   void FromPose(const FrameObservation& observation, SideSwap side_swap,
-                const Eigen::VectorXd& start) {
+                const Eigen::VectorXd& start, bool near_by) {
     Eigen::VectorXd candidate = start;
-    const double depth = PersonDepth(start);
-    const FrameProblem problem = evidence_.MakeProblem(observation, depth, false, {}, relaxed_);
-    const SolveSummary summary = SolveFrame(
-        evidence_.skeleton(), problem, evidence_.options().frame_solver, &candidate, &scratch_);
+    if (!near_by) Solve(observation, 0, &candidate);
+    const SolveSummary summary = Solve(observation, kInitialLossWidth, &candidate);
     if (summary.termination == Termination::kFailed) return;
-    // Residuals in millimetres grow with the distance of the start: compare without it.
-    const double unit = evidence_.options().pixels_in_mm ? depth : 1;
     const double candidate_cost =
-        summary.final_cost / (unit * unit) * (side_swap == SideSwap::kNone ? 1 : kSwapPenalty);
+        summary.final_cost * (side_swap == SideSwap::kNone ? 1 : kSwapPenalty);
     if (candidate_cost >= cost) return;
     cost = candidate_cost;
     pose = candidate;
@@ -119,7 +118,7 @@ class FrameSearch {
       for (Eigen::VectorXd start : {relaxed_, ZeroPose(evidence_.skeleton())}) {
         start.segment<3>(3) = LogSO3(facing);
         start.head<3>() = FitRootTranslation(evidence_, observation, start);
-        FromPose(observation, side_swap, start);
+        FromPose(observation, side_swap, start, /*near_by=*/false);
       }
     }
   }
@@ -129,10 +128,27 @@ class FrameSearch {
   SideSwap swap = SideSwap::kNone;
 
  private:
+  SolveSummary Solve(const FrameObservation& observation, double loss_width,
+                     Eigen::VectorXd* candidate) {
+    const FrameProblem problem =
+        evidence_.MakeProblem(observation, PersonDepth(*candidate), loss_width, {}, relaxed_);
+    return SolveFrame(evidence_.skeleton(), problem, evidence_.options().frame_solver, candidate,
+                      &scratch_);
+  }
+
   const ClipEvidence& evidence_;
   Eigen::VectorXd relaxed_;
   FrameSolveScratch scratch_;
 };
+
+// Exchanges worth a try. When 2D and 3D contradict each other but agree after exchanging one of
+// them, one is wrong; else both are or none is.
+std::vector<SideSwap> PossibleSwaps(const ClipEvidence& evidence, const FrameObservation& seen,
+                                    int f) {
+  const FrameObservation exchanged = evidence.Observe(f, SideSwap::k2d);
+  if (exchanged.use_3d && exchanged.pck < 0.5 * seen.pck) return {SideSwap::k2d, SideSwap::k3d};
+  return {SideSwap::kBoth};
+}
 
 // Frames that were not solved: between their neighbours, or as the nearest one at the ends.
 void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
@@ -171,12 +187,14 @@ FrameInitialization InitializeFrames(const ClipEvidence& evidence) {
     const auto fits = [&] {
       return num_solved >= 5 && search.cost <= kGoodFactor * cost_sum / num_solved;
     };
-    const bool tracked = previous >= 0 && f - previous <= kMaxTrackedGap;
-    if (tracked) {
-      search.FromPose(result.observations[f], SideSwap::kNone, result.poses.col(previous));
-      for (const SideSwap swap : {SideSwap::kBoth, SideSwap::k2d, SideSwap::k3d}) {
-        if (fits()) break;
-        search.FromPose(evidence.Observe(f, swap), swap, result.poses.col(previous));
+    const FrameObservation& seen = result.observations[f];
+    if (previous >= 0 && f - previous <= kMaxTrackedGap) {
+      const Eigen::VectorXd start = result.poses.col(previous);
+      search.FromPose(seen, SideSwap::kNone, start, /*near_by=*/true);
+      if (!fits()) {
+        for (const SideSwap swap : PossibleSwaps(evidence, seen, f)) {
+          search.FromPose(evidence.Observe(f, swap), swap, start, /*near_by=*/true);
+        }
       }
     }
     if (!fits()) search.FromFacings(result.observations[f], SideSwap::kNone);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 
@@ -18,6 +19,9 @@ namespace {
 constexpr double kRejectedMm = 150;
 // Share of w_d inside the subspace never quite reaches 1: coefficients stay variables of their own.
 constexpr double kMaxBandPenalty = 0.999;
+
+// Robust scales are narrowed in steps (graduated non-convexity): factors of the options' scales.
+constexpr std::array<double, 2> kLossWidths = {3, 1};
 
 class Stopwatch {
  public:
@@ -70,7 +74,7 @@ void SetSmoothness(const PoseOptions& options, double fps, int num_frames, Batch
 }
 
 BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                       const Window& window, double fps) {
+                       const Window& window, double fps, double loss_width) {
   BatchProblem problem;
   problem.skeleton = evidence.skeleton();
   const Eigen::VectorXd relaxed = RelaxedPose(evidence.skeleton());
@@ -79,7 +83,7 @@ BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& 
     // What nobody saw is kept at its interpolation, not pulled to rest.
     const Eigen::VectorXd& rest = initialization.observed[f] ? relaxed : pose;
     problem.frames.push_back(evidence.MakeProblem(initialization.observations[f], PersonDepth(pose),
-                                                  /*robust=*/true, {}, rest));
+                                                  loss_width, {}, rest));
   }
   SetSmoothness(evidence.options(), fps, window.size(), &problem);
   return problem;
@@ -175,8 +179,10 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     const int count = std::min(round, num_windows - first);
     ParallelFor(count, options.num_threads, [&](int i) {
       const int w = first + i;
-      SolveBatch(MakeBatch(fitted, initialization, windows[w], fps), options.batch_solver,
-                 &solved[w]);
+      for (const double loss_width : kLossWidths) {
+        SolveBatch(MakeBatch(fitted, initialization, windows[w], fps, loss_width),
+                   options.batch_solver, &solved[w]);
+      }
     });
     if (progress) track.cancelled = !progress({"pose", first + count, num_windows});
   }

@@ -19,7 +19,8 @@ namespace mpc {
 struct EvidenceBone {
   int a = 0;  // indices into Skeleton::joints; a nearer the root
   int b = 0;
-  double length = 0;  // m
+  double length = 0;  // m, at rest
+  bool rigid = true;  // the length never changes; false across the spine or neck
 };
 
 // Which detections have their left and right joints exchanged.
@@ -31,10 +32,9 @@ struct FrameObservation {
   std::vector<int> bone;                     // indices into ClipEvidence::bones()
   std::vector<Eigen::Vector3d> bone_vector;  // camera axes, rescaled to the actor, m
   std::vector<double> bone_confidence;
+  double scale_3d = 1;  // the actor's lengths over the detected ones
   Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d translation = Eigen::Vector3d::Zero();  // t_f: pelvis in camera, best linear fit
-  bool has_translation = false;
-  double pck = 1;  // PCK_f: mean 2D error of the projected 3D detection over the torso's length
+  double pck = 1e3;     // PCK_f: 2D error of the projected 3D detection over the torso's length
   bool use_3d = false;  // w_f
 };
 
@@ -55,13 +55,14 @@ class ClipEvidence {
   // The frame's energies. depth_m: distance of the person along the optical axis, for the unit of
   // 2D residuals. robust: with the options' robust losses, else plain squares. flipped: per bone,
   // true to mirror its 3D vector in depth (empty: none). rest: the rest prior's target (N).
-  FrameProblem MakeProblem(const FrameObservation& observation, double depth_m, bool robust,
+  FrameProblem MakeProblem(const FrameObservation& observation, double depth_m, double loss_width,
                            const std::vector<bool>& flipped, const Eigen::VectorXd& rest) const;
 
  private:
   bool Position3d(int f, JointId id, SideSwap swap, Eigen::Vector3d* position,
                   double* confidence) const;
-  void FitTranslation(FrameObservation* observation) const;
+  double Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
+             const FrameObservation& observation) const;
 
   Skeleton skeleton_;
   Camera camera_;

@@ -17,7 +17,7 @@ struct FrameInitialization {
   std::vector<bool> observed;  // F: the frame had enough detections to be solved on its own
 };
 
-// Solves each frame (plain squares) from the previous frame and, where that does not fit, with left
+// Solves each frame from the previous frame and, where that does not fit, with left
 // and right exchanged, from the 3D detection's orientation or, without one, from four facings; keeps
 // the best. Frames with fewer than four 2D joints, or whose solve fails, are filled in between their
 // neighbours (rotations on the sphere). Throws Error (kMismatch) when no frame has enough.

@@ -86,6 +86,16 @@ int FarEnd(const SourceMotion& source, int joint) {
   return best;
 }
 
+// The far end of the head, or the head joint itself where the end lies beside the line from the
+// neck: some files have heads whose end site is not the crown.
+int Crown(const SourceMotion& source, int neck, int head) {
+  const Eigen::Matrix3Xd& x = source.joint_positions.front();
+  const int end = FarEnd(source, head);
+  const Eigen::Vector3d below = (x.col(head) - x.col(neck)).normalized();
+  const Eigen::Vector3d above = (x.col(end) - x.col(head)).normalized();
+  return below.dot(above) > 0.5 ? end : head;
+}
+
 // Unit direction per limb of the source in one frame.
 LimbDirections FrameDirections(const JointMap& map, const Eigen::Matrix3Xd& positions) {
   LimbDirections directions = LimbDirections::Zero();
@@ -180,7 +190,7 @@ JointMap MapSourceJoints(const SourceMotion& source) {
     const int end = FarEnd(source, map[base]);
     return end == map[base] ? -1 : end;
   };
-  map[kHeadTop] = map[kHeadTop] >= 0 ? FarEnd(source, map[kHeadTop]) : tip(kNeck);
+  map[kHeadTop] = map[kHeadTop] >= 0 ? Crown(source, map[kNeck], map[kHeadTop]) : tip(kNeck);
   map[kLeftToe] = tip(kLeftAnkle);
   map[kRightToe] = tip(kRightAnkle);
   return map;

@@ -1,0 +1,164 @@
+#include "iso_surface.h"
+
+#include <cmath>
+#include <vector>
+
+namespace mpc {
+namespace {
+
+// A regular grid of samples, x fastest.
+struct Grid {
+  Eigen::Vector3i size;
+  Eigen::Vector3d origin;
+  double cell;
+  std::vector<double> values;
+
+  int Index(const Eigen::Vector3i& i) const {
+    return i.x() + size.x() * (i.y() + size.y() * i.z());
+  }
+  Eigen::Vector3d Position(const Eigen::Vector3i& i) const {
+    return origin + cell * i.cast<double>();
+  }
+  bool Inside(const Eigen::Vector3i& i) const { return values[Index(i)] < 0; }
+};
+
+Eigen::Vector3i Corner(const Eigen::Vector3i& cell, int corner) {
+  return cell + Eigen::Vector3i(corner & 1, (corner >> 1) & 1, corner >> 2);
+}
+
+// A cell face whose inside corners are diagonal would give an edge with four triangles. Makes one
+// more corner of each such face inside, until there is none.
+void CloseDiagonalFaces(Grid* grid) {
+  bool changed = true;
+  while (changed) {
+    changed = false;
+    for (int z = 0; z + 1 < grid->size.z(); ++z) {
+      for (int y = 0; y + 1 < grid->size.y(); ++y) {
+        for (int x = 0; x + 1 < grid->size.x(); ++x) {
+          for (int axis = 0; axis < 3; ++axis) {
+            const Eigen::Vector3i a(x, y, z);
+            const Eigen::Vector3i b = a + Eigen::Vector3i::Unit((axis + 1) % 3);
+            const Eigen::Vector3i d = a + Eigen::Vector3i::Unit((axis + 2) % 3);
+            const Eigen::Vector3i c = b + d - a;
+            const bool inside = grid->Inside(a);
+            if (grid->Inside(c) != inside || grid->Inside(b) == inside ||
+                grid->Inside(d) == inside) {
+              continue;
+            }
+            grid->values[grid->Index(inside ? b : a)] = -0.1 * grid->cell;
+            changed = true;
+          }
+        }
+      }
+    }
+  }
+}
+
+// Mean of the crossings on the cell's twelve edges; false when there are none.
+bool CellVertex(const Grid& grid, const Eigen::Vector3i& cell, Eigen::Vector3d* vertex) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  int count = 0;
+  for (int a = 0; a < 8; ++a) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const int b = a | (1 << axis);
+      if (a == b) continue;
+      const double value_a = grid.values[grid.Index(Corner(cell, a))];
+      const double value_b = grid.values[grid.Index(Corner(cell, b))];
+      if ((value_a < 0) == (value_b < 0)) continue;
+      const Eigen::Vector3d from = grid.Position(Corner(cell, a));
+      const Eigen::Vector3d to = grid.Position(Corner(cell, b));
+      sum += from + value_a / (value_a - value_b) * (to - from);
+      ++count;
+    }
+  }
+  if (count == 0) return false;
+  *vertex = sum / count;
+  return true;
+}
+
+// Newton's method along the gradient.
+Eigen::Vector3d OntoSurface(const std::function<double(const Eigen::Vector3d&)>& distance,
+                            Eigen::Vector3d x, double cell) {
+  const double step = 1e-3 * cell;
+  for (int iteration = 0; iteration < 3; ++iteration) {
+    Eigen::Vector3d gradient;
+    for (int axis = 0; axis < 3; ++axis) {
+      const Eigen::Vector3d offset = step * Eigen::Vector3d::Unit(axis);
+      gradient[axis] = (distance(x + offset) - distance(x - offset)) / (2 * step);
+    }
+    const double slope = gradient.squaredNorm();
+    if (slope < 0.05) break;
+    Eigen::Vector3d move = -distance(x) / slope * gradient;
+    if (move.norm() > 0.25 * cell) move *= 0.25 * cell / move.norm();
+    x += move;
+  }
+  return x;
+}
+
+}  // namespace
+
+TriangleMesh ExtractSurface(const std::function<double(const Eigen::Vector3d&)>& distance,
+                            const Eigen::Vector3d& box_min, const Eigen::Vector3d& box_max,
+                            double cell) {
+  Grid grid;
+  grid.cell = cell;
+  grid.origin = box_min;
+  grid.size = ((box_max - box_min) / cell).array().ceil().cast<int>() + 2;
+  grid.values.resize(static_cast<size_t>(grid.size.prod()));
+  const auto for_each = [](const Eigen::Vector3i& begin, const Eigen::Vector3i& end, auto&& visit) {
+    for (int z = begin.z(); z < end.z(); ++z) {
+      for (int y = begin.y(); y < end.y(); ++y) {
+        for (int x = begin.x(); x < end.x(); ++x) visit(Eigen::Vector3i(x, y, z));
+      }
+    }
+  };
+  const Eigen::Vector3i zero = Eigen::Vector3i::Zero();
+  const Eigen::Vector3i one = Eigen::Vector3i::Ones();
+  for_each(zero, grid.size, [&](const Eigen::Vector3i& i) {
+    grid.values[grid.Index(i)] = distance(grid.Position(i));
+  });
+
+  CloseDiagonalFaces(&grid);
+
+  std::vector<int> vertex_of_cell(grid.values.size(), -1);
+  std::vector<Eigen::Vector3d> vertices;
+  for_each(zero, grid.size - one, [&](const Eigen::Vector3i& i) {
+    Eigen::Vector3d vertex;
+    if (!CellVertex(grid, i, &vertex)) return;
+    vertex_of_cell[grid.Index(i)] = static_cast<int>(vertices.size());
+    vertices.push_back(OntoSurface(distance, vertex, cell));
+  });
+
+  std::vector<Eigen::Vector3i> triangles;
+  for_each(one, grid.size - one, [&](const Eigen::Vector3i& i) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const bool inside = grid.Inside(i);
+      if (inside == grid.Inside(i + Eigen::Vector3i::Unit(axis))) continue;
+      // The four cells around the edge from i along the axis, counter-clockwise about it.
+      const Eigen::Vector3i u = Eigen::Vector3i::Unit((axis + 1) % 3);
+      const Eigen::Vector3i v = Eigen::Vector3i::Unit((axis + 2) % 3);
+      int quad[4] = {vertex_of_cell[grid.Index(i - u - v)], vertex_of_cell[grid.Index(i - v)],
+                     vertex_of_cell[grid.Index(i)], vertex_of_cell[grid.Index(i - u)]};
+      if (!inside) std::swap(quad[1], quad[3]);
+      // The shorter diagonal.
+      const double d02 = (vertices[quad[0]] - vertices[quad[2]]).squaredNorm();
+      const double d13 = (vertices[quad[1]] - vertices[quad[3]]).squaredNorm();
+      const int first = d02 <= d13 ? 0 : 1;
+      triangles.emplace_back(quad[first], quad[first + 1], quad[first + 2]);
+      triangles.emplace_back(quad[first + 2], quad[(first + 3) % 4], quad[first]);
+    }
+  });
+
+  TriangleMesh mesh;
+  mesh.positions.resize(3, static_cast<Eigen::Index>(vertices.size()));
+  for (size_t v = 0; v < vertices.size(); ++v) {
+    mesh.positions.col(static_cast<Eigen::Index>(v)) = vertices[v].cast<float>();
+  }
+  mesh.triangles.resize(3, static_cast<Eigen::Index>(triangles.size()));
+  for (size_t t = 0; t < triangles.size(); ++t) {
+    mesh.triangles.col(static_cast<Eigen::Index>(t)) = triangles[t];
+  }
+  return mesh;
+}
+
+}  // namespace mpc

@@ -1,0 +1,107 @@
+#include <fmt/format.h>
+
+#include <cstdio>
+#include <memory>
+#include <numbers>
+#include <string>
+
+#include "command.h"
+#include "console.h"
+#include "mpc/mpc.h"
+
+namespace monoperfcap {
+namespace {
+
+struct Arguments {
+  mpc::CaptureInputs inputs;
+  std::string output;
+  double fov_deg = 0;
+  std::string preset = "default";
+  std::string fit_proportions;
+  double height_m = 0;
+  int num_threads = 0;
+  bool no_overlay = false;
+  bool quiet = false;
+};
+
+mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
+  mpc::CaptureOptions options;
+  if (arguments.preset == "paper") options.pose = mpc::PoseOptions::Paper();
+  if (!arguments.fit_proportions.empty()) {
+    options.pose.fit_proportions = arguments.fit_proportions == "auto";
+  }
+  options.pose.num_threads = arguments.num_threads;
+  options.height_m = arguments.height_m;
+  options.overlay = !arguments.no_overlay;
+  return options;
+}
+
+void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) {
+  double residual_px = 0;
+  int num_seen = 0;
+  for (const mpc::FrameReport& frame : report.track.frames) {
+    if (frame.state == mpc::TrackState::kInterpolated) continue;
+    residual_px += frame.residual_px;
+    ++num_seen;
+  }
+  std::string files;
+  for (const std::string& name : report.outputs) files += " " + name;
+  std::printf("%s", fmt::format("{}:{}\n{} frames, {:.3g} frames per second; joints lie {:.1f} px "
+                                "from their detections on average ({} frames)\n",
+                                arguments.output, files, report.num_frames, report.fps,
+                                num_seen > 0 ? residual_px / num_seen : 0.0, num_seen)
+                        .c_str());
+}
+
+int Run(const Arguments& arguments) {
+  mpc::CaptureInputs inputs = arguments.inputs;
+  inputs.fov_rad = arguments.fov_deg * std::numbers::pi / 180;
+  mpc::Capture capture(inputs, arguments.output, MakeOptions(arguments));
+  ConsoleProgress progress(arguments.quiet);
+  const mpc::CaptureReport report =
+      capture.Run([&progress](const mpc::Progress& step) { return progress(step); });
+  for (const std::string& warning : report.warnings) PrintMessage("warning", warning);
+  if (!report.complete) {
+    PrintMessage("error", "interrupted: what was finished is in " + arguments.output);
+    return kExitInterrupted;
+  }
+  PrintSummary(arguments, report);
+  return kExitOk;
+}
+
+}  // namespace
+
+Command AddCaptureCommand(CLI::App* parent) {
+  CLI::App* const app = parent->add_subcommand("capture", "Capture the performance in a video");
+  const auto arguments = std::make_shared<Arguments>();
+  mpc::CaptureInputs& inputs = arguments->inputs;
+  app->add_option("clip", inputs.video, "Video, or a folder of numbered pictures")->required();
+  app->add_option("--actor", inputs.actor, "The person's rigged mesh: .glb or .gltf")->required();
+  CLI::Option_group* const camera = app->add_option_group("camera", "The camera");
+  camera->add_option("--camera", inputs.camera, "Camera: FILE.json or FILE.json:NAME");
+  camera->add_option("--fov", arguments->fov_deg, "Field of view of the longer side, degrees")
+      ->check(CLI::Range(1.0, 179.0));
+  camera->require_option(1);
+  app->add_option("--detections2d", inputs.detections2d,
+                  "Joints in 2D: OpenPose, BlazePose or our own JSON")
+      ->required();
+  app->add_option("--detections3d", inputs.detections3d, "Joints in 3D: BlazePose or our own JSON");
+  app->add_option("-o,--output", arguments->output, "Folder for the results")->required();
+  app->add_option("--preset", arguments->preset, "Method: default, or exactly the paper's")
+      ->check(CLI::IsMember({"default", "paper"}))
+      ->capture_default_str();
+  app->add_option("--fit-proportions", arguments->fit_proportions,
+                  "Fit the actor's proportions to the person (auto, but off in the paper's preset)")
+      ->check(CLI::IsMember({"auto", "off"}));
+  app->add_option("--height", arguments->height_m, "Scale the actor to this height first, metres")
+      ->check(CLI::Range(0.5, 2.5));
+  app->add_option("--image-fps", inputs.image_fps, "Frames per second of a folder of pictures")
+      ->check(CLI::Range(0.1, 1000.0));
+  app->add_option("--threads", arguments->num_threads, "Threads; 0: all cores")
+      ->check(CLI::Range(0, 1024));
+  app->add_flag("--no-overlay", arguments->no_overlay, "Do not make overlay.mp4");
+  app->add_flag("--quiet", arguments->quiet, "No progress");
+  return {app, [arguments] { return Run(*arguments); }};
+}
+
+}  // namespace monoperfcap

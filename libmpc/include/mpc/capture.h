@@ -1,0 +1,86 @@
+// Purpose: the whole capability in one call: a video, a rigged actor and joint detections in, a
+// folder with the actor's performance out. Joins the libraries; computes nothing itself.
+// Frames: poses in the camera frame; files as docs/conventions.md says. Units: metres, seconds.
+// Symbols: N dofs, F frames of the video.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "mpc/core/camera.h"
+#include "mpc/core/progress.h"
+#include "mpc/pose/pose_estimator.h"
+#include "mpc/skeleton/character.h"
+#include "mpc/skeleton/rig_map.h"
+#include "mpc/world.h"
+
+namespace mpc {
+
+struct CaptureInputs {
+  std::filesystem::path video;
+  std::filesystem::path actor;         // .glb or .gltf with a skinned humanoid
+  std::string camera;                  // "file.json" or "file.json:name"; empty: fov_rad
+  double fov_rad = 0;                  // of the picture's longer side, in (0, pi)
+  double image_fps = 0;                // frame rate when `video` is a folder of pictures
+  std::filesystem::path detections2d;  // as many frames as the video
+  std::filesystem::path detections3d;  // the same; empty: 2D only
+};
+
+struct CaptureOptions {
+  PoseOptions pose;     // its num_threads serves every stage
+  double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
+  bool overlay = true;  // write overlay.mp4
+
+  // Throws Error (kInvalidArgument) naming every fault.
+  void Validate() const;
+};
+
+struct StageSeconds {
+  std::string stage;
+  double seconds = 0;
+};
+
+// What came out; report.json holds the same (docs/formats.md, "Report").
+struct CaptureReport {
+  bool complete = true;  // false: the progress callback stopped the work
+  double fps = 0;
+  int num_frames = 0;
+  Camera camera;      // for the video's own resolution
+  Skeleton skeleton;  // the actor's, with the proportions applied
+  PoseTrack track;    // poses N x F of `skeleton`
+  WorldPlacement world;
+  RigMap mapping;
+  std::vector<std::string> rig_bones;  // names, indexed by the mapping
+  double height_scale = 1;             // applied to the actor's file for height_m
+  std::vector<std::string> outputs;    // file names inside the output folder
+  std::vector<std::string> warnings;   // one sentence each
+  std::vector<StageSeconds> timings;
+};
+
+class Capture {
+ public:
+  // Reads and checks every input and the output folder (made when it is missing), before any long
+  // work. Throws Error with one sentence: kFileNotFound, kBadFile, kMismatch (frame counts, sizes,
+  // aspect ratio), kUnsupported, kInvalidArgument, kWriteFailed.
+  Capture(CaptureInputs inputs, std::filesystem::path output, CaptureOptions options = {});
+  ~Capture();
+  Capture(const Capture&) = delete;
+  Capture& operator=(const Capture&) = delete;
+
+  // Writes performance.glb, motion.bvh, joints.trc, overlay.mp4 and, last, report.json, each file
+  // whole or not at all. A progress callback that returns false ends the work: files that are
+  // finished stay, and the report says "complete": false. Memory does not grow with the video's
+  // pictures. Throws Error (kWriteFailed, kBadFile for a video that breaks off).
+  CaptureReport Run(const ProgressCallback& progress = {});
+
+ private:
+  struct Inputs;
+  std::unique_ptr<Inputs> loaded_;
+  CaptureInputs inputs_;
+  std::filesystem::path output_;
+  CaptureOptions options_;
+};
+
+}  // namespace mpc

@@ -1,0 +1,41 @@
+// Purpose: where a performance stands: the frames of joints.trc and of performance.glb, from the
+// camera's extrinsics or from gravity and floor as the person shows them.
+// Source: ours (docs/conventions.md, "World").
+// Frames: camera (OpenCV axes); world: joints.trc; scene: performance.glb and motion.bvh, y up,
+// floor at y = 0. Units: metres. Symbols: N dofs, F frames.
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "mpc/core/camera.h"
+#include "mpc/core/rigid.h"
+#include "mpc/skeleton/character.h"
+
+namespace mpc {
+
+struct SceneFrame {};  // right-handed, y up, floor at y = 0, metres
+
+struct WorldPlacement {
+  // With extrinsics the camera file's world, else the scene: the origin on the floor under the
+  // camera, which looks towards -z.
+  Rigid<WorldFrame, CameraFrame> world_from_camera;
+  Rigid<SceneFrame, WorldFrame> scene_from_world;
+  Eigen::Vector3d up_in_camera = -Eigen::Vector3d::UnitY();  // unit, as used
+  int num_upright_frames = 0;         // frames that showed where up is; 0: the picture's up
+  std::vector<std::string> warnings;  // one sentence each
+
+  Rigid<SceneFrame, CameraFrame> scene_from_camera() const {
+    return scene_from_world * world_from_camera;
+  }
+};
+
+// Up is the robust mean direction from the ankles to the trunk over the frames that stand upright;
+// with extrinsics it snaps to the world's nearest axis within 25 degrees. The floor lies at the
+// 20th percentile over the frames of the mesh's lowest point. `poses` are N x F in the camera
+// frame. O(F V); the result does not depend on num_threads.
+WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,
+                            const Camera& camera, int num_threads = 0);
+
+}  // namespace mpc

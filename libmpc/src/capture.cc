@@ -1,0 +1,288 @@
+#include "mpc/capture.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <optional>
+#include <system_error>
+
+#include "mpc/core/error.h"
+#include "mpc/io/atomic_file.h"
+#include "mpc/io/camera_file.h"
+#include "mpc/io/detections_file.h"
+#include "mpc/io/gltf.h"
+#include "mpc/io/video.h"
+#include "mpc/skeleton/proportions.h"
+#include "outputs.h"
+#include "overlay.h"
+#include "report.h"
+
+namespace mpc {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kGltfName = "performance.glb";
+constexpr const char* kBvhName = "motion.bvh";
+constexpr const char* kTrcName = "joints.trc";
+constexpr const char* kOverlayName = "overlay.mp4";
+constexpr const char* kReportName = "report.json";
+
+constexpr double kMinHeightM = 0.5;  // of a person; outside, a rig is in other units than metres
+constexpr double kMaxHeightM = 2.5;
+
+double ActorHeight(const Character& character) {
+  const auto y = character.mesh.positions.row(1);
+  return static_cast<double>(y.maxCoeff() - y.minCoeff());
+}
+
+// Scales the actor as a whole, in steps that ApplyProportions allows.
+double ScaleToHeight(double height_m, Character* character, RigAsset* rig) {
+  const double scale = height_m / ActorHeight(*character);
+  for (double rest = scale; std::abs(rest - 1) > 1e-12;) {
+    Proportions step;
+    step.overall = std::clamp(rest, 0.25, 4.0);
+    ApplyProportions(step, character, rig);
+    rest /= step.overall;
+  }
+  return scale;
+}
+
+Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
+                      std::vector<std::string>* warnings) {
+  if (inputs.camera.empty()) {
+    return Camera::FromFov(video.width(), video.height(), inputs.fov_rad);
+  }
+  const Camera camera = ReadCamera(inputs.camera);
+  if (camera.width == video.width() && camera.height == video.height()) return camera;
+  const Camera scaled = camera.ScaledTo(video.width(), video.height());
+  warnings->push_back(fmt::format("camera {} is for {}x{} and was scaled to the video's {}x{}",
+                                  camera.name, camera.width, camera.height, video.width(),
+                                  video.height()));
+  return scaled;
+}
+
+// Files do not always say for which picture they are: then most joints must lie inside the video's.
+void CheckPictureSize(const Detections2d& detections, const CaptureInputs& inputs,
+                      const VideoReader& video) {
+  if (detections.width > 0 &&
+      (detections.width != video.width() || detections.height != video.height())) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("{} is for a picture of {}x{}, the video has {}x{}",
+                            inputs.detections2d.string(), detections.width, detections.height,
+                            video.width(), video.height()));
+  }
+  int num_seen = 0;
+  int num_inside = 0;
+  for (const Detections2d::Frame& frame : detections.frames) {
+    for (Eigen::Index j = 0; j < frame.confidence.size(); ++j) {
+      if (frame.confidence[j] <= 0) continue;
+      const Eigen::Vector2d pixel = frame.pixels.col(j);
+      ++num_seen;
+      num_inside += pixel.x() >= 0 && pixel.x() < video.width() && pixel.y() >= 0 &&
+                    pixel.y() < video.height();
+    }
+  }
+  if (num_seen == 0) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("{} sees no person in any frame", inputs.detections2d.string()));
+  }
+  if (2 * num_inside < num_seen) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("{} has {} of {} joints outside of the video's picture of {}x{}: it "
+                            "was made for another size",
+                            inputs.detections2d.string(), num_seen - num_inside, num_seen,
+                            video.width(), video.height()));
+  }
+}
+
+void CheckFrameCount(const fs::path& detections, size_t num_detections, const fs::path& video,
+                     int num_frames) {
+  if (num_detections == static_cast<size_t>(num_frames)) return;
+  throw Error(ErrorCode::kMismatch,
+              fmt::format("{} has {} frames, but the video {} has {}", detections.string(),
+                          num_detections, video.string(), num_frames));
+}
+
+// The video's true number of frames: decodes all of them, so that a broken or variable-rate video is
+// found before any long work.
+int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
+  VideoReader video(inputs.video, inputs.image_fps);
+  cv::Mat frame;
+  int num_frames = 0;
+  while (video.Read(&frame)) {
+    ++num_frames;
+    const int expected = std::max(video.num_frames(), num_frames);
+    if (progress && !progress({"video", num_frames, expected})) {
+      throw Error(ErrorCode::kCancelled, "stopped while the video was read: nothing was written");
+    }
+  }
+  return num_frames;
+}
+
+// Makes the folder and proves that files can be made there, without harm to any input.
+void PrepareOutput(const fs::path& output, const CaptureInputs& inputs) {
+  std::error_code ec;
+  fs::create_directories(output, ec);
+  if (!fs::is_directory(output, ec)) {
+    throw Error(ErrorCode::kWriteFailed,
+                fmt::format("{} is not a folder and cannot be made one", output.string()));
+  }
+  for (const fs::path& input :
+       {inputs.video, inputs.actor, inputs.detections2d, inputs.detections3d}) {
+    for (const char* name : {kGltfName, kBvhName, kTrcName, kOverlayName, kReportName}) {
+      if (fs::equivalent(input, output / name, ec)) {
+        throw Error(ErrorCode::kInvalidArgument,
+                    fmt::format("{} is an input and would be overwritten: choose another output "
+                                "folder",
+                                input.string()));
+      }
+    }
+  }
+  const fs::path probe = output / ".mpc_write_test";
+  WriteFileAtomically(probe, "x");
+  fs::remove(probe, ec);
+}
+
+// Things a user should look at.
+void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings) {
+  int num_interpolated = 0;
+  int num_rejected = 0;
+  int num_swapped = 0;
+  for (const FrameReport& frame : track.frames) {
+    num_interpolated += frame.state == TrackState::kInterpolated ? 1 : 0;
+    num_rejected += frame.state == TrackState::kRejected ? 1 : 0;
+    num_swapped += frame.swapped_sides ? 1 : 0;
+  }
+  const size_t num_frames = track.frames.size();
+  const auto add = [&](int count, const char* what) {
+    if (count > 0) warnings->push_back(fmt::format("{} of {} frames {}", count, num_frames, what));
+  };
+  add(num_interpolated, "show nobody and were interpolated");
+  add(num_rejected, "have detections that disagree with the pose");
+  add(num_swapped, "had left and right of the detections exchanged");
+}
+
+}  // namespace
+
+void CaptureOptions::Validate() const {
+  pose.Validate();
+  if (!(height_m >= 0 && height_m < 1000)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("height_m is {}, expected 0 or a height in metres", height_m));
+  }
+}
+
+struct Capture::Inputs {
+  RigAsset rig;
+  Character character;
+  Detections2d detections2d;
+  std::optional<Detections3d> detections3d;
+  CaptureReport report;  // with all that is known before the work starts
+
+  Inputs(const CaptureInputs& inputs, const CaptureOptions& options);
+};
+
+Capture::Inputs::Inputs(const CaptureInputs& inputs, const CaptureOptions& options) {
+  rig = ReadRigGltf(inputs.actor);
+  report.mapping = MapRigByNames(rig);
+  for (const RigBone& bone : rig.bones) report.rig_bones.push_back(bone.name);
+  for (const std::string& fault : CheckWeights(rig)) {
+    report.warnings.push_back(inputs.actor.string() + ": " + fault);
+  }
+  character = BuildCharacter(rig, report.mapping);
+  if (options.height_m > 0) {
+    report.height_scale = ScaleToHeight(options.height_m, &character, &rig);
+  }
+  const double height = ActorHeight(character);
+  if (height < kMinHeightM || height > kMaxHeightM) {
+    throw Error(ErrorCode::kUnsupported,
+                fmt::format("{}: the actor is {:.4g} m tall, expected {} to {} m: give its height",
+                            inputs.actor.string(), height, kMinHeightM, kMaxHeightM));
+  }
+
+  const VideoReader video(inputs.video, inputs.image_fps);
+  report.fps = video.fps();
+  report.camera = CameraForVideo(inputs, video, &report.warnings);
+  detections2d = ReadDetections2d(inputs.detections2d);
+  CheckPictureSize(detections2d, inputs, video);
+  if (!inputs.detections3d.empty()) {
+    detections3d = ReadDetections3d(inputs.detections3d);
+    CheckFrameCount(inputs.detections3d, detections3d->frames.size(), inputs.detections2d,
+                    static_cast<int>(detections2d.frames.size()));
+  }
+}
+
+Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
+    : inputs_(std::move(inputs)), output_(std::move(output)), options_(std::move(options)) {
+  options_.Validate();
+  loaded_ = std::make_unique<Inputs>(inputs_, options_);
+  PrepareOutput(output_, inputs_);
+}
+
+Capture::~Capture() = default;
+
+CaptureReport Capture::Run(const ProgressCallback& progress) {
+  CaptureReport report = loaded_->report;
+  // The stages change these; the loaded inputs stay as they are for another run.
+  RigAsset rig = loaded_->rig;
+  Character character = loaded_->character;
+  const Detections3d* detections3d = loaded_->detections3d ? &*loaded_->detections3d : nullptr;
+  const int num_threads = options_.pose.num_threads;
+  const auto timed = [&report](const char* stage, const auto& work) {
+    const auto start = std::chrono::steady_clock::now();
+    work();
+    const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    report.timings.push_back({stage, elapsed.count()});
+  };
+
+  timed("video", [&] {
+    report.num_frames = CountFrames(inputs_, progress);
+    CheckFrameCount(inputs_.detections2d, loaded_->detections2d.frames.size(), inputs_.video,
+                    report.num_frames);
+  });
+  timed("pose", [&] {
+    report.track = EstimatePoses(character.skeleton, report.camera, loaded_->detections2d,
+                                 detections3d, report.fps, options_.pose, progress);
+    ApplyProportions(report.track.proportions, &character, &rig);
+    report.skeleton = character.skeleton;
+  });
+  report.complete = !report.track.cancelled;
+  AddTrackWarnings(report.track, &report.warnings);
+  timed("world", [&] {
+    report.world = PlaceInWorld(character, report.track.poses, report.camera, num_threads);
+  });
+  for (const std::string& warning : report.world.warnings) report.warnings.push_back(warning);
+
+  // A report of an earlier run must not vouch for the files of this one.
+  std::error_code ec;
+  fs::remove(output_ / kReportName, ec);
+  fs::remove(output_ / kOverlayName, ec);
+  const internal::Performance performance = {
+      rig, character, report.camera, report.track.poses, report.world, report.fps};
+  timed("files", [&] {
+    internal::WritePerformanceGltf(output_ / kGltfName, inputs_.actor, performance);
+    report.outputs.push_back(kGltfName);
+    internal::WriteMotionBvh(output_ / kBvhName, performance);
+    report.outputs.push_back(kBvhName);
+    internal::WriteJointsTrc(output_ / kTrcName, performance);
+    report.outputs.push_back(kTrcName);
+  });
+  if (options_.overlay && report.complete) {
+    timed("overlay", [&] {
+      const internal::OverlayScene scene = {character, report.camera, loaded_->detections2d,
+                                            report.track};
+      report.complete = internal::WriteOverlay(output_ / kOverlayName,
+                                               VideoReader(inputs_.video, inputs_.image_fps), scene,
+                                               num_threads, progress);
+      if (report.complete) report.outputs.push_back(kOverlayName);
+    });
+  }
+  report.outputs.push_back(kReportName);
+  internal::WriteReport(output_ / kReportName, inputs_, options_, report);
+  return report;
+}
+
+}  // namespace mpc

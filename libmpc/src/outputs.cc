@@ -1,0 +1,70 @@
+#include "outputs.h"
+
+#include <array>
+#include <string>
+
+#include "mpc/eval/motions.h"
+#include "mpc/io/bvh.h"
+#include "mpc/io/gltf.h"
+#include "mpc/io/trc.h"
+#include "mpc/skeleton/kinematics.h"
+#include "mpc/skeleton/rig_pose.h"
+
+namespace mpc::internal {
+namespace {
+
+constexpr std::array<JointId, 17> kMarkers = {
+    JointId::kPelvis,     JointId::kNeck,      JointId::kHeadTop,       JointId::kLeftShoulder,
+    JointId::kLeftElbow,  JointId::kLeftWrist, JointId::kLeftHip,       JointId::kLeftKnee,
+    JointId::kLeftAnkle,  JointId::kLeftToe,   JointId::kRightShoulder, JointId::kRightElbow,
+    JointId::kRightWrist, JointId::kRightHip,  JointId::kRightKnee,     JointId::kRightAnkle,
+    JointId::kRightToe};
+
+template <typename To>
+Eigen::MatrixXd PosesIn(const Rigid<To, CameraFrame>& to_from_camera,
+                        const Eigen::MatrixXd& poses) {
+  return TransformPoses(to_from_camera.rotation, to_from_camera.translation, poses);
+}
+
+}  // namespace
+
+void WritePerformanceGltf(const std::filesystem::path& path, const std::filesystem::path& actor,
+                          const Performance& performance) {
+  const Rigid<SceneFrame, CameraFrame> scene_from_camera = performance.world.scene_from_camera();
+  const Eigen::MatrixXd poses = PosesIn(scene_from_camera, performance.poses);
+  GltfPerformance gltf;
+  gltf.camera = performance.camera;
+  gltf.scene_from_camera.linear() = scene_from_camera.rotation;
+  gltf.scene_from_camera.translation() = scene_from_camera.translation;
+  gltf.scene_from_bone.resize(static_cast<size_t>(poses.cols()));
+  KinematicState state;
+  for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    ForwardKinematics(performance.character.skeleton, poses.col(f), &state);
+    gltf.times_s.push_back(static_cast<double>(f) / performance.fps);
+    RigBoneTransforms(performance.rig, performance.character, state,
+                      &gltf.scene_from_bone[static_cast<size_t>(f)]);
+  }
+  WriteGltfPerformance(path, actor, performance.rig, gltf);
+}
+
+void WriteMotionBvh(const std::filesystem::path& path, const Performance& performance) {
+  const Eigen::MatrixXd poses = PosesIn(performance.world.scene_from_camera(), performance.poses);
+  WriteBvh(path, BvhFromPoses(performance.character.skeleton, poses, performance.fps));
+}
+
+void WriteJointsTrc(const std::filesystem::path& path, const Performance& performance) {
+  const Skeleton& skeleton = performance.character.skeleton;
+  const Eigen::MatrixXd joints =
+      JointTrajectories(skeleton, PosesIn(performance.world.world_from_camera, performance.poses));
+  MarkerTrajectories markers;
+  markers.fps = performance.fps;
+  markers.positions.resize(3 * kMarkers.size(), joints.cols());
+  for (size_t m = 0; m < kMarkers.size(); ++m) {
+    markers.names.emplace_back(JointName(kMarkers[m]));
+    markers.positions.middleRows<3>(static_cast<Eigen::Index>(3 * m)) =
+        joints.middleRows<3>(3 * skeleton.FindJointIndex(kMarkers[m]));
+  }
+  WriteTrc(path, markers);
+}
+
+}  // namespace mpc::internal

@@ -1,0 +1,26 @@
+// Purpose: overlay.mp4: the captured mesh, its skeleton and the detections over the video.
+#pragma once
+
+#include <filesystem>
+
+#include "mpc/core/detections.h"
+#include "mpc/core/progress.h"
+#include "mpc/io/video.h"
+#include "mpc/pose/pose_estimator.h"
+#include "mpc/skeleton/character.h"
+
+namespace mpc::internal {
+
+struct OverlayScene {
+  const Character& character;  // whose poses the track holds
+  const Camera& camera;
+  const Detections2d& detections;
+  const PoseTrack& track;
+};
+
+// Draws the video frame by frame, a few at a time. Reports progress as stage "overlay"; false when
+// the callback stopped it: then there is no file. Throws Error (kBadFile, kWriteFailed).
+bool WriteOverlay(const std::filesystem::path& path, VideoReader video, const OverlayScene& scene,
+                  int num_threads, const ProgressCallback& progress);
+
+}  // namespace mpc::internal

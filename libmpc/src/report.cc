@@ -1,0 +1,136 @@
+#include "report.h"
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "mpc/io/atomic_file.h"
+
+namespace mpc::internal {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+double Rounded(double value, double unit) { return std::round(value / unit) * unit; }
+
+template <typename Matrix>
+Json MatrixRows(const Matrix& matrix) {
+  Json rows = Json::array();
+  for (Eigen::Index r = 0; r < matrix.rows(); ++r) {
+    Json row = Json::array();
+    for (Eigen::Index c = 0; c < matrix.cols(); ++c) row.push_back(matrix(r, c));
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+Json Vector(const Eigen::Vector3d& v) { return Json::array({v.x(), v.y(), v.z()}); }
+
+template <typename To, typename From>
+Json Transform(const Rigid<To, From>& transform) {
+  return {{"R", MatrixRows(transform.rotation)}, {"t", Vector(transform.translation)}};
+}
+
+Json CameraJson(const Camera& camera) {
+  Json json = {{"name", camera.name}, {"width", camera.width},    {"height", camera.height},
+               {"fx", camera.fx},     {"fy", camera.fy},          {"cx", camera.cx},
+               {"cy", camera.cy},     {"dist", camera.distortion}};
+  json["has_extrinsics"] = camera.has_extrinsics;
+  return json;
+}
+
+Json WorldJson(const WorldPlacement& world) {
+  return {{"world_from_camera", Transform(world.world_from_camera)},
+          {"scene_from_world", Transform(world.scene_from_world)},
+          {"scene_from_camera", Transform(world.scene_from_camera())},
+          {"up_in_camera", Vector(world.up_in_camera)},
+          {"num_upright_frames", world.num_upright_frames}};
+}
+
+Json ProportionsJson(const CaptureReport& report) {
+  Json parts = Json::object();
+  for (int p = 0; p < kNumBodyParts; ++p) {
+    parts[BodyPartName(static_cast<BodyPart>(p))] = {
+        {"scale", report.track.proportions.part[static_cast<size_t>(p)]},
+        {"uncertainty", report.track.uncertainty.part[static_cast<size_t>(p)]}};
+  }
+  return {{"height_scale", report.height_scale},
+          {"overall", report.track.proportions.overall},
+          {"parts", std::move(parts)}};
+}
+
+Json MappingJson(const CaptureReport& report) {
+  Json parts = Json::object();
+  for (int p = 0; p < kNumRigParts; ++p) {
+    const int bone = report.mapping.bone[static_cast<size_t>(p)];
+    Json name = nullptr;
+    if (bone >= 0) name = report.rig_bones[static_cast<size_t>(bone)];
+    parts[RigPartName(static_cast<RigPart>(p))] = std::move(name);
+  }
+  return {{"convention", report.mapping.convention},
+          {"parts", std::move(parts)},
+          {"notes", report.mapping.notes}};
+}
+
+// One array per quantity, in the order of "joints": short, and easy to load as a table.
+Json FrameJson(const FrameReport& frame, double time_s) {
+  Json states = Json::array();
+  Json residuals = Json::array();
+  Json confidences = Json::array();
+  for (const JointReport& joint : frame.joints) {
+    states.push_back(TrackStateName(joint.state));
+    residuals.push_back(Rounded(joint.residual_px, 1e-2));
+    confidences.push_back(Rounded(joint.confidence, 1e-3));
+  }
+  return {{"time_s", Rounded(time_s, 1e-6)},
+          {"state", TrackStateName(frame.state)},
+          {"residual_px", Rounded(frame.residual_px, 1e-2)},
+          {"confidence", Rounded(frame.confidence, 1e-3)},
+          {"used_3d", frame.used_3d},
+          {"swapped_sides", frame.swapped_sides},
+          {"joints",
+           {{"state", std::move(states)},
+            {"residual_px", std::move(residuals)},
+            {"confidence", std::move(confidences)}}}};
+}
+
+}  // namespace
+
+void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
+                 const CaptureOptions& options, const CaptureReport& report) {
+  Json json = {{"format", "mpc-report"}, {"version", 1}, {"complete", report.complete}};
+  json["inputs"] = {{"video", inputs.video.string()},
+                    {"actor", inputs.actor.string()},
+                    {"camera", inputs.camera},
+                    {"fov_rad", inputs.fov_rad},
+                    {"detections2d", inputs.detections2d.string()},
+                    {"detections3d", inputs.detections3d.string()}};
+  json["options"] = {{"fit_proportions", options.pose.fit_proportions},
+                     {"height_m", options.height_m},
+                     {"overlay", options.overlay}};
+  json["outputs"] = report.outputs;
+  json["fps"] = report.fps;
+  json["num_frames"] = report.num_frames;
+  json["camera"] = CameraJson(report.camera);
+  json["world"] = WorldJson(report.world);
+  json["proportions"] = ProportionsJson(report);
+  json["mapping"] = MappingJson(report);
+  json["warnings"] = report.warnings;
+  Json timings = Json::object();
+  for (const StageSeconds& timing : report.timings) {
+    timings[timing.stage] = Rounded(timing.seconds, 1e-3);
+  }
+  json["seconds"] = std::move(timings);
+  json["num_windows"] = report.track.num_windows;
+  Json joints = Json::array();
+  for (const SkeletonJoint& joint : report.skeleton.joints) joints.push_back(JointName(joint.id));
+  json["joints"] = std::move(joints);
+  Json frames = Json::array();
+  for (size_t f = 0; f < report.track.frames.size(); ++f) {
+    frames.push_back(FrameJson(report.track.frames[f], static_cast<double>(f) / report.fps));
+  }
+  json["frames"] = std::move(frames);
+  // File names need not be UTF-8; what is not is replaced rather than refused.
+  WriteFileAtomically(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+}
+
+}  // namespace mpc::internal

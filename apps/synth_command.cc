@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -39,8 +40,8 @@ struct Arguments {
   std::string noise = "measured";
   double seconds = 3;
   double fps = 30;
-  int width = 640;
-  int height = 480;
+  int width = 960;
+  int height = 720;
   double fov_deg = 60;
   uint64_t seed = 1;
 };
@@ -58,23 +59,33 @@ mpc::DetectionNoise MakeNoise(const std::string& name) {
   return {};
 }
 
-// Looks at the middle of the motion (world y up) from the front, slightly from above, from where
-// all of it fits into the picture.
+// All joints (3 x any number, camera frame) lie in the middle 80 % of the picture.
+bool FitsPicture(const mpc::Camera& camera, const Eigen::Matrix3Xd& joints_in_camera) {
+  for (const auto& x : joints_in_camera.colwise()) {
+    Eigen::Vector2d pixel;
+    if (!mpc::Project(camera, x, &pixel)) return false;
+    if (std::abs(pixel.x() / camera.width - 0.5) > 0.4) return false;
+    if (std::abs(pixel.y() / camera.height - 0.5) > 0.4) return false;
+  }
+  return true;
+}
+
+// Looks at the middle of the motion (world y up) from the front, slightly from above, from as near
+// as all of it fits into the picture. `joints` is 3J x F in the world.
 mpc::Camera MakeCamera(const Arguments& arguments, const Eigen::MatrixXd& joints) {
   constexpr double kPitch = 10 * std::numbers::pi / 180;
-  constexpr double kMargin = 0.3;  // m around the joints
   mpc::Camera camera = mpc::Camera::FromFov(arguments.width, arguments.height,
                                             arguments.fov_deg * std::numbers::pi / 180);
   camera.name = "synth";
-  const auto points = joints.reshaped(3, joints.size() / 3);
+  camera.has_extrinsics = true;
+  const Eigen::Matrix3Xd points = joints.reshaped(3, joints.size() / 3);
   const Vector3d center = (points.rowwise().minCoeff() + points.rowwise().maxCoeff()) / 2;
-  const double radius = (points.colwise() - center).colwise().norm().maxCoeff() + kMargin;
-  const double half_picture = std::min(arguments.width, arguments.height) / (2 * camera.fx);
-  const double distance = radius / std::sin(std::atan(half_picture));
   mpc::CameraFromWorld& pose = camera.camera_from_world;
   pose.rotation = mpc::ExpSO3({kPitch, 0, 0}) * Vector3d(1, -1, -1).asDiagonal();
+  const Eigen::Matrix3Xd around_center = pose.rotation * (points.colwise() - center);
+  double distance = 1;
+  while (!FitsPicture(camera, around_center.colwise() + Vector3d(0, 0, distance))) distance *= 1.02;
   pose.translation = Vector3d(0, 0, distance) - pose.rotation * center;
-  camera.has_extrinsics = true;
   return camera;
 }
 

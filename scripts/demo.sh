@@ -1,0 +1,35 @@
+#!/usr/bin/env bash
+# The whole way on a fresh machine: installs what is missing, builds, makes a clip with exact ground
+# truth, captures it with the ordinary command and prints the errors. With real data at hand
+# (MPC_DATA, else ../shared/data) it captures a real clip too.
+#
+#   scripts/demo.sh [FOLDER]   results go to FOLDER, default build/demo
+set -euo pipefail
+cd "$(dirname "$0")/.."
+out=${1:-build/demo}
+data=${MPC_DATA:-../shared/data}
+
+scripts/setup.sh --build
+cmake --preset release -DMPC_BUILD_TESTS=OFF
+cmake --build --preset release -j "$(nproc)" --target monoperfcap
+monoperfcap=build/release/apps/monoperfcap
+
+echo "== A synthetic clip: the actor walks, the detections err as a network's do"
+"$monoperfcap" synth -o "$out/synth"
+"$monoperfcap" actor info "$out/synth/actor.glb"
+"$monoperfcap" capture "$out/synth/clip.mp4" --actor "$out/synth/actor.glb" \
+  --camera "$out/synth/camera.json" --detections2d "$out/synth/detections2d.json" \
+  --detections3d "$out/synth/detections3d.json" -o "$out/synth/take"
+"$monoperfcap" eval "$out/synth/take/joints.trc" --truth "$out/synth/truth.trc"
+
+clip=$data/pose2sim
+if [ -d "$clip" ]; then
+  echo "== A real clip: a man on a beam, detections of OpenPose and BlazePose"
+  "$monoperfcap" capture "$clip/cam01.mp4" --actor "$data/actors/male_tpose.glb" \
+    --camera "$clip/cameras.json:cam01" --detections2d "$clip/cam01_openpose_body25b.json" \
+    --detections3d "$clip/cam01_blazepose.json" -o "$out/cam01"
+  "$monoperfcap" eval "$out/cam01/joints.trc" --truth "$clip/gt_joints.json"
+else
+  echo "No real data in $data (set MPC_DATA): the real clip is left out."
+fi
+echo "Results are in $out: open performance.glb in Blender, overlay.mp4 in any player."

@@ -31,6 +31,7 @@ void CheckSizes(const Camera& camera, Eigen::Index num_vertices, Eigen::Index nu
       (appearance.texture.type() != CV_8UC3 || appearance.uv.cols() != num_vertices)) {
     fail("a texture must be 8-bit BGR and needs coordinates for every vertex");
   }
+  if (!appearance.uv.allFinite()) fail("a texture coordinate is not finite");
 }
 
 // Bilinear, repeating beyond [0, 1].
@@ -71,7 +72,9 @@ void ShadeMesh(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera
   Eigen::VectorXf light(positions_in_camera.cols());
   for (Eigen::Index v = 0; v < light.size(); ++v) {
     const Eigen::Vector3f view = positions_in_camera.col(v).normalized();
-    light[v] = ambient + (1 - ambient) * std::abs(view.dot(normals.col(v)));
+    const float cosine = std::abs(view.dot(normals.col(v)));
+    // A non-finite neighbour leaves a vertex without a normal.
+    light[v] = std::isfinite(cosine) ? ambient + (1 - ambient) * cosine : 1.0f;
   }
   const Eigen::Vector3f single(appearance.bgr[0], appearance.bgr[1], appearance.bgr[2]);
   const bool textured = !appearance.texture.empty();

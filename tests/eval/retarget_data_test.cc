@@ -25,8 +25,8 @@ TEST_P(RetargetDataTest, FollowsRealMotion) {
   const Eigen::MatrixXd poses = Retarget(skeleton, source, &summary);
   ASSERT_TRUE(poses.allFinite());
   ASSERT_EQ(poses.cols(), static_cast<int>(source.joint_positions.size()));
-  EXPECT_LT(summary.mean_direction_error_rad, 0.05);
-  EXPECT_LT(summary.max_direction_error_rad, 0.12);
+  EXPECT_LT(summary.mean_direction_error_rad, 0.03);
+  EXPECT_LT(summary.max_direction_error_rad, 0.09);
 
   const Eigen::MatrixXd joints = JointTrajectories(skeleton, poses);
   Eigen::VectorXd lowest(poses.cols());

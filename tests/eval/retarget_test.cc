@@ -119,6 +119,34 @@ TEST_F(RetargetTest, StandsOnTheFloorWhereverTheSourceStands) {
   }
 }
 
+TEST_F(RetargetTest, FlatFeetStayFlatWhateverTheShapeOfTheSourcesFeet) {
+  SourceMotion source = AsSource(skeleton_, MakeMotion(skeleton_, MotionKind::kSquat, 2, 30), 1);
+  for (Eigen::Matrix3Xd& positions : source.joint_positions) {
+    positions(1, 12) -= 0.08;  // toe tips far below the ankles
+    positions(1, 16) -= 0.08;
+  }
+  const Eigen::MatrixXd joints = JointTrajectories(skeleton_, Retarget(skeleton_, source));
+  const int toe = skeleton_.FindJointIndex(kLeftToe);
+  const int heel = skeleton_.FindJointIndex(kLeftHeel);
+  for (int f = 0; f < joints.cols(); ++f) {
+    EXPECT_NEAR(joints(3 * toe + 1, f), joints(3 * heel + 1, f), 0.02);
+  }
+}
+
+TEST_F(RetargetTest, AHeadWhoseEndLiesAsideIsTheHeadJoint) {
+  SourceMotion source = AsSource(skeleton_, MakeMotion(skeleton_, MotionKind::kWalk, 0.2, 30), 1);
+  RetargetSummary with_crown;
+  const Eigen::MatrixXd expected = Retarget(skeleton_, source, &with_crown);
+  source.names.push_back("Head_end");
+  source.parents.push_back(2);
+  for (Eigen::Matrix3Xd& positions : source.joint_positions) {
+    const Eigen::Vector3d aside = positions.col(2) + Eigen::Vector3d(0.2, 0, 0);
+    positions.conservativeResize(3, positions.cols() + 1);
+    positions.rightCols<1>() = aside;
+  }
+  EXPECT_LT((Retarget(skeleton_, source) - expected).cwiseAbs().maxCoeff(), 1e-9);
+}
+
 TEST_F(RetargetTest, NamesWhatItCannotFind) {
   SourceMotion source = AsSource(skeleton_, MakeMotion(skeleton_, MotionKind::kWalk, 0.1, 30), 1);
   source.names[4] = "tentacle";

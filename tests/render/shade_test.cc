@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
 
 #include "support/expect_error.h"
 
@@ -74,6 +75,15 @@ TEST_F(ShadeTest, TextureIsPerspectiveCorrect) {
   // The 3D middle is at x = 0: column 39.5.
   EXPECT_EQ(image_.at<cv::Vec3b>(29, 36), cv::Vec3b(255, 0, 0));
   EXPECT_EQ(image_.at<cv::Vec3b>(29, 43), cv::Vec3b(0, 0, 255));
+}
+
+TEST_F(ShadeTest, ANonFiniteVertexHurtsOnlyItsTriangles) {
+  appearance_.ambient = 0.5;
+  appearance_.bgr = {200, 200, 200};
+  positions_(0, 3) = std::numeric_limits<float>::quiet_NaN();
+  ShadeMesh(camera_, positions_, triangles_, appearance_, 1, &image_);
+  EXPECT_GT(image_.at<cv::Vec3b>(20, 45)[0], 90);                  // triangle 0 has no such vertex
+  EXPECT_EQ(image_.at<cv::Vec3b>(40, 35), cv::Vec3b(10, 20, 30));  // triangle 1 has
 }
 
 TEST_F(ShadeTest, MisuseIsRefused) {

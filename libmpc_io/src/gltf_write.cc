@@ -93,7 +93,12 @@ bool HasOtherProportions(const RigAsset& original, const RigAsset& rig) {
 // The one binary buffer of the file being written, and the JSON lists that point into it.
 class BinaryChunk {
  public:
-  explicit BinaryChunk(Json* json) : json_(json) {}
+  // Makes both lists now: adding a member later would move the others in memory.
+  explicit BinaryChunk(Json* json) : json_(json) {
+    for (const char* list : {"accessors", "bufferViews"}) {
+      if (!json->contains(list)) (*json)[list] = Json::array();
+    }
+  }
 
   const std::string& bytes() const { return bytes_; }
 
@@ -552,8 +557,8 @@ Json* DefaultScene(const GltfDocument& document, Json* json) {
   return &(*json)["scenes"][0];
 }
 
-void WriteCamera(const Camera& camera, const Eigen::Isometry3d& scene_from_camera, Json* scene,
-                 Json* json) {
+void WriteCamera(const GltfDocument& document, const Camera& camera,
+                 const Eigen::Isometry3d& scene_from_camera, Json* json) {
   constexpr double kNear = 0.01;  // m
   const std::string name = camera.name.empty() ? "camera" : camera.name;
   (*json)["cameras"].push_back(
@@ -581,7 +586,7 @@ void WriteCamera(const Camera& camera, const Eigen::Isometry3d& scene_from_camer
            {"cx", camera.cx},
            {"cy", camera.cy},
            {"dist", camera.distortion}}}}}});
-  (*scene)["nodes"].push_back((*json)["nodes"].size() - 1);
+  (*DefaultScene(document, json))["nodes"].push_back((*json)["nodes"].size() - 1);
 }
 
 std::string Glb(const Json& json, std::string binary) {
@@ -622,9 +627,8 @@ void WriteGltfPerformance(const std::filesystem::path& path, const std::filesyst
     if (other_proportions) RewriteProportions(document, original, rig, &json, &chunk);
     const std::vector<Trs> rest = WriteRestPose(document, rig, other_proportions, &json);
     WriteAnimation(document, rig, rest, performance, &json, &chunk);
-    Json* const scene = DefaultScene(document, &json);
     if (performance.camera) {
-      WriteCamera(*performance.camera, performance.scene_from_camera, scene, &json);
+      WriteCamera(document, *performance.camera, performance.scene_from_camera, &json);
     }
     json["buffers"] = Json::array({{{"byteLength", chunk.bytes().size()}}});
     glb = Glb(json, chunk.bytes());

@@ -71,6 +71,8 @@ struct VideoReader::Impl {
       }
       capture.read(frame);
       *decoded_time_s = capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
+      // The last frames, drained from the decoder, come without a time of their own.
+      if (index >= 0 && *decoded_time_s <= 0) *decoded_time_s = time_s + 1 / fps;
     } catch (const cv::Exception& e) {
       ThrowBadFile(path, fmt::format("frame {} cannot be decoded: {}", index + 1, e.what()));
     }
@@ -113,9 +115,9 @@ VideoReader::VideoReader(const fs::path& path, double image_fps) : impl_(new Imp
           fmt::format("{} is a folder of pictures: its frame rate must be given", path.string()));
     }
   } else {
-    const std::vector<int> options = {cv::CAP_PROP_ORIENTATION_AUTO, 1};
-    impl_->capture.open(path.string(), cv::CAP_FFMPEG, options);
+    impl_->capture.open(path.string(), cv::CAP_FFMPEG);
     if (!impl_->capture.isOpened()) ThrowBadFile(path, "not a readable video");
+    impl_->capture.set(cv::CAP_PROP_ORIENTATION_AUTO, 1);
     impl_->fps = impl_->capture.get(cv::CAP_PROP_FPS);
     const double count = impl_->capture.get(cv::CAP_PROP_FRAME_COUNT);
     if (count >= 1 && count < 1e9) impl_->num_frames = static_cast<int>(count);

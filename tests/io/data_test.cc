@@ -3,11 +3,16 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
+#include <opencv2/core.hpp>
 
+#include "io/gltf_probe.h"
+#include "io/random_performance.h"
+#include "io/temp_dir.h"
 #include "mpc/io/bvh.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
 #include "mpc/io/gltf.h"
+#include "mpc/io/video.h"
 #include "support/data_dir.h"
 
 namespace mpc {
@@ -45,6 +50,61 @@ TEST(DataTest, ActorsStandUpright) {
       EXPECT_TRUE((origin.array() < x.rowwise().maxCoeff().array() + 0.05f).all()) << bone.name;
     }
     EXPECT_EQ(num_roots, 1);
+  }
+}
+
+// The bones a viewer shows are the performance's, and all that is not animation is the source's.
+TEST(DataTest, WrittenPerformancesKeepTheActor) {
+  MPC_REQUIRE_DATA();
+  const testing::TempDir dir;
+  for (const auto& entry : fs::directory_iterator(Data("actors"))) {
+    if (entry.path().extension() != ".glb") continue;
+    SCOPED_TRACE(entry.path().filename().string());
+    const RigAsset rig = ReadRigGltf(entry.path());
+    const GltfPerformance performance = testing::RandomBonePerformance(rig, 5, 60);
+    WriteGltfPerformance(dir / "out.glb", entry.path(), rig, performance);
+    const testing::GltfProbe before(entry.path());
+    const testing::GltfProbe after(dir / "out.glb");
+    for (const char* key :
+         {"asset", "scene", "scenes", "nodes", "materials", "textures", "samplers"}) {
+      EXPECT_EQ(after.json[key], before.json[key]) << key;
+    }
+    for (size_t i = 0; i < before.json["images"].size(); ++i) {
+      EXPECT_EQ(after.ViewBytes(after.json["images"][i]["bufferView"]),
+                before.ViewBytes(before.json["images"][i]["bufferView"]));
+    }
+    const RigAsset read = ReadRigGltf(dir / "out.glb");
+    EXPECT_EQ(read.meshes[0].mesh.positions, rig.meshes[0].mesh.positions);
+    EXPECT_EQ(read.meshes[0].weights, rig.meshes[0].weights);
+    for (int f = 0; f < 5; ++f) {
+      const std::vector<Eigen::Affine3d> worlds = after.NodeWorlds(f);
+      for (size_t b = 0; b < rig.bones.size(); ++b) {
+        EXPECT_LT((worlds[rig.bones[b].node].translation() -
+                   performance.scene_from_bone[f][b].translation())
+                      .norm(),
+                  1e-4);
+      }
+    }
+  }
+}
+
+TEST(DataTest, VideosHaveTheirFrames) {
+  MPC_REQUIRE_DATA();
+  const std::vector<std::tuple<const char*, int, int, double, int>> videos = {
+      {"pose2sim/cam01.mp4", 1080, 1920, 60, 100},
+      {"pose2sim/cam03.mp4", 1088, 1920, 60, 100},
+      {"video/pose_squats.mp4", 720, 1280, 5, 65}};
+  for (const auto& [name, width, height, fps, num_frames] : videos) {
+    SCOPED_TRACE(name);
+    VideoReader reader(Data(name));
+    EXPECT_EQ(reader.width(), width);
+    EXPECT_EQ(reader.height(), height);
+    cv::Mat frame;
+    int count = 0;
+    for (; reader.Read(&frame); ++count) {
+      EXPECT_NEAR(reader.frame_time_s(), count / fps, 1e-3);
+    }
+    EXPECT_EQ(count, num_frames);
   }
 }
 

@@ -8,14 +8,13 @@
 #include <numbers>
 
 #include "io/gltf_probe.h"
-#include "io/random_motion.h"
+#include "io/random_performance.h"
 #include "io/temp_dir.h"
 #include "io/test_gltf.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/proportions.h"
 #include "mpc/skeleton/rig_map.h"
-#include "mpc/skeleton/rig_pose.h"
 #include "support/expect_error.h"
 #include "support/test_rig.h"
 
@@ -38,32 +37,9 @@ double BoneError(const Eigen::Affine3d& a, const Eigen::Affine3d& b) {
 }
 
 GltfPerformance RandomPerformance(const RigAsset& rig, const Character& character, int num_frames) {
-  GltfPerformance performance;
-  const Eigen::MatrixXd poses = testing::RandomMotion(character.skeleton, num_frames, 5);
-  KinematicState state;
-  for (int f = 0; f < num_frames; ++f) {
-    performance.times_s.push_back(f / 29.97 + 0.5);
-    ForwardKinematics(character.skeleton, poses.col(f), &state);
-    performance.scene_from_bone.emplace_back();
-    RigBoneTransforms(rig, character, state, &performance.scene_from_bone.back());
-  }
+  GltfPerformance performance = testing::RandomPerformance(rig, character, num_frames, 29.97);
+  for (double& time : performance.times_s) time += 0.5;
   return performance;
-}
-
-// Vertices by the rig's own bones from the bind pose: linear blend, all influences.
-Eigen::Matrix3Xd Skinned(const RigAsset& rig, const std::vector<Eigen::Affine3d>& scene_from_bone) {
-  const RigMesh& mesh = rig.meshes[0];
-  Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Zero(3, mesh.mesh.positions.cols());
-  for (Eigen::Index v = 0; v < out.cols(); ++v) {
-    const Eigen::Vector3d x = mesh.mesh.positions.col(v).cast<double>();
-    const double sum = mesh.weights.col(v).cast<double>().sum();
-    for (Eigen::Index k = 0; k < mesh.weights.rows(); ++k) {
-      const int bone = mesh.bones(k, v);
-      out.col(v) += mesh.weights(k, v) / sum *
-                    (scene_from_bone[bone] * (rig.bones[bone].scene_from_bone.inverse() * x));
-    }
-  }
-  return out;
 }
 
 void ExpectShown(const GltfProbe& probe, const RigAsset& rig, const GltfPerformance& performance) {
@@ -77,7 +53,8 @@ void ExpectShown(const GltfProbe& probe, const RigAsset& rig, const GltfPerforma
   }
   for (const int f : {0, num_frames - 1}) {
     const Eigen::Matrix3Xd difference =
-        probe.ShownVertices(0, 0, 0, f) - Skinned(rig, performance.scene_from_bone[f]);
+        probe.ShownVertices(0, 0, 0, f) -
+        testing::SkinnedVertices(rig, performance.scene_from_bone[f]);
     EXPECT_LT(difference.colwise().norm().maxCoeff(), kTolerance) << "frame " << f;
   }
 }

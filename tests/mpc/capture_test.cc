@@ -1,0 +1,336 @@
+#include "mpc/capture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "io/gltf_probe.h"
+#include "io/temp_dir.h"
+#include "mpc/io/atomic_file.h"
+#include "mpc/io/bvh.h"
+#include "mpc/io/trc.h"
+#include "mpc/io/video.h"
+#include "mpc/mpc.h"
+#include "small_clip.h"
+#include "support/expect_error.h"
+
+namespace mpc {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using testing::SmallClip;
+using testing::TempDir;
+using ::testing::UnorderedElementsAre;
+
+constexpr double kExactM = 1e-4;  // what another reading of the files may differ
+
+std::set<std::string> FilesIn(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
+nlohmann::json ReadReport(const fs::path& folder) {
+  return nlohmann::json::parse(ReadFile(folder / "report.json"));
+}
+
+// One clip for all tests; each captures into its own folder.
+class CaptureTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() { clip_ = new SmallClip(); }
+  static void TearDownTestSuite() { delete clip_; }
+
+  static CaptureOptions QuickOptions() {
+    CaptureOptions options;
+    options.pose.num_threads = 1;
+    options.overlay = false;
+    return options;
+  }
+
+  static const SmallClip* clip_;
+  TempDir out_;
+};
+const SmallClip* CaptureTest::clip_ = nullptr;
+
+TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
+  Capture capture(clip_->inputs, out_ / "take");
+  const CaptureReport report = capture.Run();
+  EXPECT_TRUE(report.complete);
+  EXPECT_THAT(FilesIn(out_ / "take"),
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "overlay.mp4",
+                                   "report.json"));
+
+  const nlohmann::json json = ReadReport(out_ / "take");
+  EXPECT_EQ(json["format"], "mpc-report");
+  EXPECT_EQ(json["version"], 1);
+  EXPECT_EQ(json["complete"], true);
+  EXPECT_EQ(json["fps"], SmallClip::kFps);
+  EXPECT_EQ(json["num_frames"], clip_->num_frames);
+  EXPECT_EQ(json["camera"]["name"], "small");
+  EXPECT_EQ(json["mapping"]["parts"]["left_hand"], "leftHand");
+  EXPECT_TRUE(json["proportions"]["parts"]["thigh"]["uncertainty"].is_number());
+  for (const char* stage : {"video", "pose", "world", "files", "overlay"}) {
+    EXPECT_TRUE(json["seconds"][stage].is_number()) << stage;
+  }
+  const size_t num_joints = json["joints"].size();
+  EXPECT_GE(num_joints, size_t{kNumPaperJoints});
+  ASSERT_EQ(json["frames"].size(), static_cast<size_t>(clip_->num_frames));
+  for (const nlohmann::json& frame : json["frames"]) {
+    EXPECT_EQ(frame["state"], "tracked");
+    EXPECT_LT(frame["residual_px"], 5);
+    for (const char* quantity : {"state", "residual_px", "confidence"}) {
+      EXPECT_EQ(frame["joints"][quantity].size(), num_joints);
+    }
+  }
+
+  VideoReader overlay(out_ / "take" / "overlay.mp4");
+  EXPECT_EQ(overlay.width(), SmallClip::kWidth);
+  EXPECT_EQ(overlay.height(), SmallClip::kHeight);
+  EXPECT_EQ(overlay.fps(), SmallClip::kFps);
+  EXPECT_EQ(overlay.num_frames(), clip_->num_frames);
+}
+
+TEST_F(CaptureTest, FindsTheMotion) {
+  Capture capture(clip_->inputs, out_.path(), QuickOptions());
+  const CaptureReport report = capture.Run();
+  const MarkerTrajectories markers = ReadTrc(out_ / "joints.trc");
+  EXPECT_EQ(markers.fps, SmallClip::kFps);
+  ASSERT_EQ(markers.num_frames(), clip_->num_frames);
+  const CameraFromWorld& camera = clip_->camera.camera_from_world;
+  double sum_m = 0;
+  int count = 0;
+  for (size_t i = 0; i < clip_->detections.joints.size(); ++i) {
+    const std::string name(JointName(clip_->detections.joints[i]));
+    const auto found = std::find(markers.names.begin(), markers.names.end(), name);
+    ASSERT_NE(found, markers.names.end()) << name;
+    const auto m = static_cast<Eigen::Index>(found - markers.names.begin());
+    for (int f = 0; f < clip_->num_frames; ++f) {
+      const Eigen::Vector3d world = markers.positions.block<3, 1>(3 * m, f);
+      const Eigen::Vector3d truth =
+          clip_->detections.truth.block<3, 1>(static_cast<Eigen::Index>(3 * i), f);
+      // Depth along the ray is known only up to the person's size: compare directions.
+      sum_m += ((camera * world).normalized() - truth.normalized()).norm() * truth.norm();
+      ++count;
+    }
+  }
+  EXPECT_LT(sum_m / count, 0.03);
+  EXPECT_TRUE(report.track.poses.allFinite());
+}
+
+TEST_F(CaptureTest, GltfAndBvhShowTheJointsOfTheTrc) {
+  Capture capture(clip_->inputs, out_.path(), QuickOptions());
+  const CaptureReport report = capture.Run();
+  const MarkerTrajectories markers = ReadTrc(out_ / "joints.trc");
+  const testing::GltfProbe glb(out_ / "performance.glb");
+  const BvhMotion bvh = ReadBvh(out_ / "motion.bvh");
+  ASSERT_EQ(bvh.num_frames(), clip_->num_frames);
+  const auto& times = glb.json["animations"][0]["samplers"][0]["input"];
+  ASSERT_EQ(glb.Values(times).cols(), clip_->num_frames);
+  EXPECT_NEAR(glb.Values(times)(0, 10), 10 / SmallClip::kFps, 1e-6);
+
+  struct Place {
+    const char* marker;
+    const char* bone;     // of the rig
+    const char* segment;  // of the BVH
+  };
+  const std::vector<Place> places = {{"left_shoulder", "leftUpperArm", "left_upper_arm"},
+                                     {"left_elbow", "leftLowerArm", "left_forearm"},
+                                     {"right_elbow", "rightLowerArm", "right_forearm"},
+                                     {"left_hip", "leftUpperLeg", "left_thigh"},
+                                     {"right_knee", "rightLowerLeg", "right_shank"},
+                                     {"left_ankle", "leftFoot", "left_foot"},
+                                     {"right_ankle", "rightFoot", "right_foot"}};
+  const auto node_of = [&](const std::string& name) {
+    for (size_t n = 0; n < glb.json["nodes"].size(); ++n) {
+      if (glb.json["nodes"][n].value("name", "") == name) return static_cast<int>(n);
+    }
+    return -1;
+  };
+  for (int f = 0; f < clip_->num_frames; f += 5) {
+    const std::vector<Eigen::Affine3d> nodes = glb.NodeWorlds(f);
+    const Eigen::Matrix3Xd segments = BvhJointPositions(bvh, f);
+    for (const Place& place : places) {
+      const auto found = std::find(markers.names.begin(), markers.names.end(), place.marker);
+      ASSERT_NE(found, markers.names.end()) << place.marker;
+      const Eigen::Vector3d in_world = markers.positions.block<3, 1>(
+          3 * static_cast<Eigen::Index>(found - markers.names.begin()), f);
+      const Eigen::Vector3d in_scene = report.world.scene_from_world * in_world;
+      const int node = node_of(place.bone);
+      ASSERT_GE(node, 0) << place.bone;
+      EXPECT_LT((nodes[static_cast<size_t>(node)].translation() - in_scene).norm(), kExactM)
+          << place.bone << " frame " << f;
+      const int segment = bvh.FindJoint(place.segment);
+      ASSERT_GE(segment, 0) << place.segment;
+      EXPECT_LT((segments.col(segment) - in_scene).norm(), kExactM)
+          << place.segment << " frame " << f;
+    }
+  }
+}
+
+TEST_F(CaptureTest, BytesDoNotDependOnTheNumberOfThreads) {
+  for (const int num_threads : {1, 3}) {
+    CaptureOptions options = QuickOptions();
+    options.pose.num_threads = num_threads;
+    Capture(clip_->inputs, out_ / std::to_string(num_threads), options).Run();
+  }
+  for (const char* name : {"performance.glb", "motion.bvh", "joints.trc"}) {
+    EXPECT_EQ(ReadFile(out_ / "1" / name), ReadFile(out_ / "3" / name)) << name;
+  }
+}
+
+TEST_F(CaptureTest, RunTwiceGivesTheSame) {
+  Capture capture(clip_->inputs, out_.path(), QuickOptions());
+  capture.Run();
+  const std::string first = ReadFile(out_ / "performance.glb");
+  capture.Run();
+  EXPECT_EQ(ReadFile(out_ / "performance.glb"), first);
+}
+
+TEST_F(CaptureTest, StoppedInThePoseStageKeepsWhatIsThere) {
+  Capture capture(clip_->inputs, out_.path());
+  const CaptureReport report =
+      capture.Run([](const Progress& progress) { return progress.stage != "pose"; });
+  EXPECT_FALSE(report.complete);
+  EXPECT_TRUE(report.track.poses.allFinite());
+  EXPECT_THAT(FilesIn(out_.path()),
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "report.json"));
+  EXPECT_EQ(ReadReport(out_.path())["complete"], false);
+}
+
+TEST_F(CaptureTest, StoppedInTheOverlayLeavesNoHalfVideo) {
+  Capture capture(clip_->inputs, out_.path());
+  capture.Run();
+  const CaptureReport report =
+      capture.Run([](const Progress& progress) { return progress.stage != "overlay"; });
+  EXPECT_FALSE(report.complete);
+  EXPECT_THAT(FilesIn(out_.path()),
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "report.json"));
+  EXPECT_EQ(ReadReport(out_.path())["complete"], false);
+}
+
+TEST_F(CaptureTest, StoppedBeforeAnythingWasFinishedWritesNothing) {
+  Capture capture(clip_->inputs, out_.path());
+  EXPECT_MPC_ERROR(capture.Run([](const Progress&) { return false; }), kCancelled, "stopped");
+  EXPECT_TRUE(FilesIn(out_.path()).empty());
+}
+
+TEST_F(CaptureTest, ProgressCountsEveryStageToItsEnd) {
+  std::map<std::string, Progress> last;
+  Capture(clip_->inputs, out_.path()).Run([&](const Progress& progress) {
+    EXPECT_GE(progress.step, last[std::string(progress.stage)].step);
+    last[std::string(progress.stage)] = progress;
+    return true;
+  });
+  EXPECT_EQ(last.size(), 3u);
+  for (const char* stage : {"video", "pose", "overlay"}) {
+    EXPECT_EQ(last[stage].step, last[stage].num_steps) << stage;
+    EXPECT_GT(last[stage].num_steps, 0) << stage;
+  }
+}
+
+TEST_F(CaptureTest, WithoutExtrinsicsTheTrcStandsInTheScene) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.camera.clear();
+  inputs.fov_rad = 0.9;
+  const CaptureReport report = Capture(inputs, out_.path(), QuickOptions()).Run();
+  EXPECT_TRUE(report.world.scene_from_world.rotation.isIdentity(0));
+  const MarkerTrajectories markers = ReadTrc(out_ / "joints.trc");
+  const auto row_of = [&](const char* name) {
+    return 3 *
+           (std::find(markers.names.begin(), markers.names.end(), name) - markers.names.begin());
+  };
+  const Eigen::VectorXd toe_y = markers.positions.row(row_of("left_toe") + 1);
+  const Eigen::VectorXd head_y = markers.positions.row(row_of("head_top") + 1);
+  EXPECT_NEAR(toe_y.mean(), 0.05, 0.1);
+  EXPECT_GT(head_y.mean(), 1.2);
+}
+
+TEST_F(CaptureTest, ARigInCentimetresNeedsItsHeightAndThenWorks) {
+  RigAsset large = clip_->rig;
+  for (RigBone& bone : large.bones) {
+    bone.scene_from_bone = Eigen::Scaling(100.0) * bone.scene_from_bone;
+  }
+  for (RigMesh& mesh : large.meshes) mesh.mesh.positions *= 100;
+  CaptureInputs inputs = clip_->inputs;
+  inputs.actor = out_ / "large.glb";
+  WriteRigGltf(inputs.actor, large);
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kUnsupported, "height");
+
+  const auto heights = clip_->character.mesh.positions.row(1);
+  CaptureOptions options = QuickOptions();
+  options.height_m = static_cast<double>(heights.maxCoeff() - heights.minCoeff());
+  const CaptureReport scaled = Capture(inputs, out_ / "scaled", options).Run();
+  EXPECT_NEAR(scaled.height_scale, 0.01, 1e-6);
+  Capture(clip_->inputs, out_ / "metres", QuickOptions()).Run();
+  const Eigen::MatrixXd difference = ReadTrc(out_ / "scaled" / "joints.trc").positions -
+                                     ReadTrc(out_ / "metres" / "joints.trc").positions;
+  EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-3);
+}
+
+TEST_F(CaptureTest, ACameraForAnotherSizeIsScaledOrRefused) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.camera = (out_ / "camera.json").string();
+  WriteCameras(inputs.camera, {clip_->camera.ScaledTo(256, 320)});
+  const CaptureReport report = Capture(inputs, out_ / "take", QuickOptions()).Run();
+  EXPECT_NEAR(report.camera.fx, clip_->camera.fx, 1e-9);
+  EXPECT_THAT(report.warnings, Contains(HasSubstr("was scaled")));
+
+  WriteCameras(inputs.camera, {testing::SmallCamera(160, 128)});
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "160 x 128");
+}
+
+TEST_F(CaptureTest, DetectionsMustBeOfThisVideo) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.detections2d = out_ / "detections2d.json";
+  inputs.detections3d = out_ / "detections3d.json";
+
+  Detections2d short2d = clip_->detections.detections2d;
+  short2d.frames.resize(20);
+  WriteDetections(inputs.detections2d, short2d);
+  WriteDetections(inputs.detections3d, clip_->detections.detections3d);
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch,
+                   "has 24 frames");  // the 3D against the 2D detections
+  inputs.detections3d.clear();
+  Capture without_3d(inputs, out_ / "take", QuickOptions());
+  EXPECT_MPC_ERROR(without_3d.Run(), kMismatch, "has 20 frames");
+
+  Detections2d other_size = clip_->detections.detections2d;
+  other_size.width = 640;
+  WriteDetections(inputs.detections2d, other_size);
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "640x160");
+
+  other_size.width = other_size.height = 0;
+  for (Detections2d::Frame& frame : other_size.frames) frame.pixels *= 8;
+  WriteDetections(inputs.detections2d, other_size);
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "another size");
+
+  Detections2d nobody = clip_->detections.detections2d;
+  for (Detections2d::Frame& frame : nobody.frames) frame.confidence.setZero();
+  WriteDetections(inputs.detections2d, nobody);
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "no person");
+}
+
+TEST_F(CaptureTest, InputsAreNeverOverwritten) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.actor = out_ / "performance.glb";
+  fs::copy_file(clip_->inputs.actor, inputs.actor);
+  EXPECT_MPC_ERROR(Capture(inputs, out_.path(), QuickOptions()), kInvalidArgument, "overwritten");
+}
+
+TEST_F(CaptureTest, TheOutputFolderIsCheckedFirst) {
+  out_.Write("file", "content");
+  EXPECT_MPC_ERROR(Capture(clip_->inputs, out_ / "file"), kWriteFailed, "not a folder");
+  EXPECT_MPC_ERROR(Capture(clip_->inputs, out_ / "file" / "take"), kWriteFailed, "not a folder");
+}
+
+}  // namespace
+}  // namespace mpc

@@ -30,9 +30,8 @@ bool Has(const std::vector<mpc::JointId>& joints, mpc::JointId joint) {
 }
 
 // The joints to score: the 14 of the papers, or all that both files have.
-std::vector<mpc::JointId> ScoredJoints(const Arguments& arguments,
-                                       const mpc::JointTrajectories& estimate,
-                                       const mpc::JointTrajectories& truth) {
+std::vector<mpc::JointId> ScoredJoints(const Arguments& arguments, const mpc::JointTrack& estimate,
+                                       const mpc::JointTrack& truth) {
   std::vector<mpc::JointId> joints;
   if (arguments.joints == "14") {
     const auto scored = mpc::ScoredJoints14();
@@ -81,8 +80,8 @@ Json ToJson(const mpc::SecondDifference& difference) {
 }
 
 int Run(const Arguments& arguments) {
-  const mpc::JointTrajectories estimate = mpc::ReadJointTrajectories(arguments.estimate);
-  const mpc::JointTrajectories truth = mpc::ReadJointTrajectories(arguments.truth);
+  const mpc::JointTrack estimate = mpc::ReadJointTrack(arguments.estimate);
+  const mpc::JointTrack truth = mpc::ReadJointTrack(arguments.truth);
   if (estimate.num_frames() != truth.num_frames()) {
     throw mpc::Error(mpc::ErrorCode::kMismatch,
                      fmt::format("{} has {} frames, {} has {}", arguments.estimate,

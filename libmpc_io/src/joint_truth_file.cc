@@ -39,12 +39,12 @@ struct Columns {
       fmt::format("{} has no joint with a known name, such as left_elbow or LElbow", source));
 }
 
-JointTrajectories FromTrc(const std::filesystem::path& path) {
+JointTrack FromTrc(const std::filesystem::path& path) {
   const MarkerTrajectories markers = ReadTrc(path);
   Columns columns;
   for (size_t m = 0; m < markers.names.size(); ++m) columns.Add(FindJoint(markers.names[m]), m);
   if (columns.joints.empty()) FailWithoutJoints(path.string());
-  JointTrajectories result{columns.joints, markers.fps, {}};
+  JointTrack result{columns.joints, markers.fps, {}};
   result.positions.resize(static_cast<Eigen::Index>(3 * columns.joints.size()),
                           markers.positions.cols());
   for (size_t i = 0; i < columns.columns.size(); ++i) {
@@ -63,10 +63,10 @@ Eigen::Vector3d ReadPoint(const JsonPlace& place) {
   return point;
 }
 
-JointTrajectories FromJson(const std::string& text, const std::string& source) {
+JointTrack FromJson(const std::string& text, const std::string& source) {
   const nlohmann::ordered_json json = internal::ParseJson(text, source);
   const JsonPlace root(json, source);
-  JointTrajectories result;
+  JointTrack result;
   result.fps = root["fps"].Number();
   if (result.fps <= 0) root["fps"].Fail("is not a frame rate above 0");
   const JsonPlace names = root["names"];
@@ -92,7 +92,7 @@ JointTrajectories FromJson(const std::string& text, const std::string& source) {
 
 }  // namespace
 
-JointTrajectories ReadJointTrajectories(const std::filesystem::path& path) {
+JointTrack ReadJointTrack(const std::filesystem::path& path) {
   const std::string text = ReadFile(path, kMaxJsonBytes);
   const size_t first = text.find_first_not_of(" \t\r\n");
   const bool is_json = first != std::string::npos && text[first] == '{';

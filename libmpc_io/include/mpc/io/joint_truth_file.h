@@ -15,7 +15,7 @@
 
 namespace mpc {
 
-struct JointTrajectories {
+struct JointTrack {
   std::vector<JointId> joints;  // J, each once
   double fps = 0;
   Eigen::MatrixXd positions;  // 3J x F, joint i in rows 3i..3i+2; NaN where it is missing
@@ -25,6 +25,6 @@ struct JointTrajectories {
 
 // Throws Error: kFileNotFound; kBadFile naming file and place, also for a file without any known
 // joint.
-JointTrajectories ReadJointTrajectories(const std::filesystem::path& path);
+JointTrack ReadJointTrack(const std::filesystem::path& path);
 
 }  // namespace mpc

@@ -1,0 +1,371 @@
+// The command as a user meets it: exit codes, one sentence per error, no half-written files.
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "mpc/io/atomic_file.h"
+#include "small_clip.h"
+
+extern char** environ;
+
+namespace mpc {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::IsSupersetOf;
+using ::testing::Not;
+using testing::SmallClip;
+using ::testing::StartsWith;
+using testing::TempDir;
+
+struct Outcome {
+  int exit_code = -1;  // 128 + signal when it was killed
+  std::string out;
+  std::string err;
+};
+
+// A running command whose output goes to files.
+class Process {
+ public:
+  explicit Process(std::vector<std::string> arguments) {
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    const std::string out = (folder_ / "out").string();
+    const std::string err = (folder_ / "err").string();
+    posix_spawn_file_actions_addopen(&actions, 1, out.c_str(), O_WRONLY | O_CREAT, 0600);
+    posix_spawn_file_actions_addopen(&actions, 2, err.c_str(), O_WRONLY | O_CREAT, 0600);
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+    if (posix_spawnp(&pid_, argv[0], &actions, nullptr, argv.data(), environ) != 0) pid_ = -1;
+    posix_spawn_file_actions_destroy(&actions);
+  }
+
+  void Signal(int signal) const { ::kill(pid_, signal); }
+  std::string Err() const { return fs::exists(folder_ / "err") ? ReadFile(folder_ / "err") : ""; }
+
+  Outcome Wait() const {
+    Outcome outcome;
+    int status = 0;
+    if (pid_ < 0 || ::waitpid(pid_, &status, 0) != pid_) return outcome;
+    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+    outcome.out = ReadFile(folder_ / "out");
+    outcome.err = Err();
+    return outcome;
+  }
+
+ private:
+  TempDir folder_;
+  pid_t pid_ = -1;
+};
+
+Outcome RunCommand(std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), MPC_COMMAND);
+  return Process(std::move(arguments)).Wait();
+}
+
+std::vector<std::string> CaptureArguments(const CaptureInputs& inputs, const fs::path& output) {
+  return {"capture",        inputs.video.string(),
+          "--actor",        inputs.actor.string(),
+          "--camera",       inputs.camera,
+          "--detections2d", inputs.detections2d.string(),
+          "--detections3d", inputs.detections3d.string(),
+          "--quiet",        "-o",
+          output.string()};
+}
+
+std::set<std::string> FilesIn(const fs::path& folder) {
+  std::set<std::string> names;
+  if (!fs::is_directory(folder)) return names;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
+// Exit code 1 and one line "monoperfcap: error: ..." after any warnings.
+void ExpectOneSentence(const Outcome& outcome, const std::string& part) {
+  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
+  const size_t error = outcome.err.find("monoperfcap: error: ");
+  ASSERT_NE(error, std::string::npos) << outcome.err;
+  EXPECT_EQ(
+      std::count(outcome.err.begin() + static_cast<std::ptrdiff_t>(error), outcome.err.end(), '\n'),
+      1)
+      << outcome.err;
+  EXPECT_THAT(outcome.err.substr(error), HasSubstr(part));
+}
+
+class CommandTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() { clip_ = new SmallClip(); }
+  static void TearDownTestSuite() { delete clip_; }
+
+  fs::path output() const { return folder_ / "take"; }
+
+  // The capture with these inputs fails with a sentence that holds `part`, and writes nothing.
+  void ExpectRefused(const CaptureInputs& inputs, const std::string& part) const {
+    const Outcome outcome = RunCommand(CaptureArguments(inputs, output()));
+    ExpectOneSentence(outcome, part);
+    EXPECT_THAT(FilesIn(output()), IsEmpty());
+  }
+
+  static const SmallClip* clip_;
+  TempDir folder_;
+};
+const SmallClip* CommandTest::clip_ = nullptr;
+
+TEST_F(CommandTest, CapturesAndEvaluates) {
+  const Outcome capture = RunCommand(CaptureArguments(clip_->inputs, output()));
+  EXPECT_EQ(capture.exit_code, 0) << capture.err;
+  EXPECT_THAT(FilesIn(output()), IsSupersetOf({"performance.glb", "motion.bvh", "joints.trc",
+                                               "overlay.mp4", "report.json"}));
+  EXPECT_THAT(capture.out, HasSubstr("24 frames"));
+
+  const std::string joints = (output() / "joints.trc").string();
+  const Outcome same = RunCommand({"eval", joints, "--truth", joints, "--json"});
+  EXPECT_EQ(same.exit_code, 0) << same.err;
+  const nlohmann::json errors = nlohmann::json::parse(same.out);
+  EXPECT_EQ(errors["pa_mpjpe"]["frames"], 24);
+  EXPECT_NEAR(errors["pa_mpjpe"]["mean_mm"], 0, 1e-6);
+  EXPECT_EQ(errors["absolute"]["mean_mm"], 0);
+  EXPECT_THAT(errors["joints"].get<std::string>(), HasSubstr("left_toe"));
+
+  const Outcome text = RunCommand({"eval", joints, "--truth", joints, "--joints", "all"});
+  EXPECT_THAT(text.out, HasSubstr("PA-MPJPE"));
+  EXPECT_THAT(text.out, HasSubstr("24 of 24 frames"));
+  EXPECT_THAT(text.out, HasSubstr("head_top"));
+}
+
+TEST_F(CommandTest, SynthesizesAClipThatItCanCapture) {
+  const Outcome synth = RunCommand({"synth", "-o", folder_.path().string(), "--seconds", "0.5",
+                                    "--width", "160", "--height", "120", "--noise", "none"});
+  ASSERT_EQ(synth.exit_code, 0) << synth.err;
+  const auto file = [&](const char* name) { return (folder_ / name).string(); };
+  const Outcome capture = RunCommand(
+      {"capture", file("clip.mp4"), "--actor", file("actor.glb"), "--camera", file("camera.json"),
+       "--detections2d", file("detections2d.json"), "--detections3d", file("detections3d.json"),
+       "-o", output().string(), "--fit-proportions", "off", "--no-overlay"});
+  ASSERT_EQ(capture.exit_code, 0) << capture.err;
+  const Outcome eval = RunCommand(
+      {"eval", (output() / "joints.trc").string(), "--truth", file("truth.trc"), "--json"});
+  ASSERT_EQ(eval.exit_code, 0) << eval.err;
+  EXPECT_LT(nlohmann::json::parse(eval.out)["mpjpe"]["mean_mm"], 40);
+}
+
+TEST_F(CommandTest, ShowsHowARigIsMapped) {
+  const Outcome info = RunCommand({"actor", "info", clip_->inputs.actor.string()});
+  EXPECT_EQ(info.exit_code, 0) << info.err;
+  EXPECT_THAT(info.out, HasSubstr("left_upper_arm   leftUpperArm"));
+  EXPECT_THAT(info.out, HasSubstr("33 degrees of freedom"));
+  EXPECT_THAT(info.err, IsEmpty());
+}
+
+TEST_F(CommandTest, UsageErrorsExitWith2) {
+  EXPECT_EQ(RunCommand({}).exit_code, 2);
+  EXPECT_EQ(RunCommand({"dance"}).exit_code, 2);
+  EXPECT_EQ(RunCommand({"capture"}).exit_code, 2);
+  std::vector<std::string> both = CaptureArguments(clip_->inputs, output());
+  both.insert(both.end(), {"--fov", "60"});
+  EXPECT_EQ(RunCommand(both).exit_code, 2);
+  std::vector<std::string> preset = CaptureArguments(clip_->inputs, output());
+  preset.insert(preset.end(), {"--preset", "magic"});
+  EXPECT_EQ(RunCommand(preset).exit_code, 2);
+  EXPECT_EQ(RunCommand({"--help"}).exit_code, 0);
+  EXPECT_THAT(FilesIn(output()), IsEmpty());
+}
+
+// Every input: missing, a folder, empty, garbage, cut in half.
+TEST_F(CommandTest, BrokenInputsAreRefused) {
+  struct Input {
+    const char* name;
+    fs::path good;
+    std::function<void(CaptureInputs*, const fs::path&)> set;
+  };
+  const std::vector<Input> all = {
+      {"clip.mp4", clip_->inputs.video, [](auto* inputs, const auto& p) { inputs->video = p; }},
+      {"actor.glb", clip_->inputs.actor, [](auto* inputs, const auto& p) { inputs->actor = p; }},
+      {"camera.json", clip_->inputs.camera,
+       [](auto* inputs, const auto& p) { inputs->camera = p.string(); }},
+      {"detections2d.json", clip_->inputs.detections2d,
+       [](auto* inputs, const auto& p) { inputs->detections2d = p; }},
+      {"detections3d.json", clip_->inputs.detections3d,
+       [](auto* inputs, const auto& p) { inputs->detections3d = p; }}};
+  for (const Input& input : all) {
+    SCOPED_TRACE(input.name);
+    CaptureInputs inputs = clip_->inputs;
+    const fs::path path = folder_ / input.name;
+    input.set(&inputs, path);
+    ExpectRefused(inputs, path.string());  // missing
+    const std::string good = ReadFile(input.good);
+    for (const std::string& bad : {std::string(), std::string(1000, '\xA5'),
+                                   std::string("{\"a\": ["), good.substr(0, good.size() / 2)}) {
+      folder_.Write(input.name, bad);
+      ExpectRefused(inputs, path.string());
+    }
+    fs::remove(path);
+    fs::create_directory(path);
+    ExpectRefused(inputs, path.string());
+    fs::remove(path);
+  }
+}
+
+TEST_F(CommandTest, NotANumberIsRefused) {
+  CaptureInputs inputs = clip_->inputs;
+  const std::string detections = ReadFile(inputs.detections2d);
+  const size_t digit = detections.find_first_of("123456789", detections.find("frames"));
+  inputs.detections2d =
+      folder_.Write("nan.json", detections.substr(0, digit) + "NaN" +
+                                    detections.substr(detections.find_first_of(",]", digit)));
+  ExpectRefused(inputs, "nan.json");
+
+  inputs = clip_->inputs;
+  std::string glb = ReadFile(inputs.actor);
+  const size_t binary = glb.find(std::string("BIN\0", 4)) + 4;
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  std::memcpy(glb.data() + binary, &nan, sizeof(nan));
+  inputs.actor = folder_.Write("nan.glb", glb);
+  ExpectRefused(inputs, "nan.glb");
+}
+
+TEST_F(CommandTest, RigsThatAreNoHumanoidAreRefused) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.actor = folder_.Write(
+      "cube.gltf",
+      R"({"asset":{"version":"2.0"},"scene":0,"scenes":[{"nodes":[0]}],"nodes":[{"name":"n"}]})");
+  ExpectRefused(inputs, "cube.gltf");  // no skin
+
+  RigAsset nameless = clip_->rig;
+  for (size_t b = 0; b < nameless.bones.size(); ++b) {
+    nameless.bones[b].name = "thing" + std::to_string(b);
+  }
+  inputs.actor = folder_ / "things.glb";
+  WriteRigGltf(inputs.actor, nameless);
+  ExpectRefused(inputs, "things.glb");
+}
+
+TEST_F(CommandTest, BadWeightsAreReportedAndRepaired) {
+  RigAsset rig = clip_->rig;
+  for (RigMesh& mesh : rig.meshes) mesh.weights *= 0.5F;
+  CaptureInputs inputs = clip_->inputs;
+  inputs.actor = folder_ / "half.glb";
+  WriteRigGltf(inputs.actor, rig);
+  const Outcome info = RunCommand({"actor", "info", inputs.actor.string()});
+  EXPECT_EQ(info.exit_code, 0);
+  EXPECT_THAT(info.err, HasSubstr("monoperfcap: warning: "));
+  const Outcome capture = RunCommand(CaptureArguments(inputs, output()));
+  EXPECT_EQ(capture.exit_code, 0) << capture.err;
+  EXPECT_THAT(capture.err, HasSubstr("monoperfcap: warning: "));
+}
+
+TEST_F(CommandTest, FrameCountsAreComparedWithTheVideo) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.video = folder_ / "short.mp4";
+  testing::WriteNoiseVideo(inputs.video, SmallClip::kWidth, SmallClip::kHeight, SmallClip::kFps,
+                           clip_->num_frames - 5);
+  ExpectRefused(inputs, "24 frames");
+  ExpectRefused(inputs, "19");
+}
+
+TEST_F(CommandTest, TheOutputFolderMustBeWritable) {
+  folder_.Write("take", "a file");
+  ExpectOneSentence(RunCommand(CaptureArguments(clip_->inputs, output())), "take");
+  ExpectOneSentence(RunCommand(CaptureArguments(clip_->inputs, "/proc/take")), "/proc/take");
+}
+
+// The shell's limit is in blocks of 1024 bytes.
+Outcome RunWithFileLimit(int blocks, const std::vector<std::string>& arguments) {
+  std::string line = "ulimit -f " + std::to_string(blocks) + "; exec '" MPC_COMMAND "'";
+  for (const std::string& argument : arguments) line += " '" + argument + "'";
+  return Process({"bash", "-c", line}).Wait();
+}
+
+TEST_F(CommandTest, AFullDiskLeavesNoHalfWrittenFile) {
+  // Nothing large fits.
+  ExpectOneSentence(RunWithFileLimit(8, CaptureArguments(clip_->inputs, output())), "take");
+  EXPECT_THAT(FilesIn(output()), IsEmpty());
+  // All but the overlay fit: what is there is whole, and no report vouches for the take.
+  ASSERT_EQ(RunCommand(CaptureArguments(clip_->inputs, folder_ / "whole")).exit_code, 0);
+  const auto size = [&](const char* name) { return fs::file_size(folder_ / "whole" / name); };
+  ASSERT_GT(size("overlay.mp4"), size("performance.glb") + 4096);
+  const auto blocks = static_cast<int>(size("performance.glb") / 1024 + 2);
+  ExpectOneSentence(RunWithFileLimit(blocks, CaptureArguments(clip_->inputs, output())),
+                    "overlay.mp4");
+  EXPECT_THAT(FilesIn(output()),
+              ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc"));
+  EXPECT_EQ(ReadFile(output() / "performance.glb"),
+            ReadFile(folder_ / "whole" / "performance.glb"));
+}
+
+TEST_F(CommandTest, AFullDeviceIsAnError) {
+  fs::create_directory(output());
+  fs::create_symlink("/dev/full", output() / "motion.bvh");
+  const Outcome outcome = RunCommand(CaptureArguments(clip_->inputs, output()));
+  ExpectOneSentence(outcome, "motion.bvh");
+  EXPECT_THAT(FilesIn(output()), Not(::testing::Contains("report.json")));
+
+  const std::string info = "'" MPC_COMMAND "' actor info '" + clip_->inputs.actor.string() + "'";
+  ExpectOneSentence(Process({"bash", "-c", info + " > /dev/full"}).Wait(), "standard output");
+}
+
+TEST_F(CommandTest, CtrlCKeepsWhatIsFinishedAndExitsWith130) {
+  // Long enough that the overlay is still being made when the signal comes.
+  const SmallClip longer(600);
+  std::vector<std::string> arguments = CaptureArguments(longer.inputs, output());
+  std::erase(arguments, "--quiet");
+  arguments.insert(arguments.begin(), MPC_COMMAND);
+  const Process process(arguments);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (process.Err().find("overlay") == std::string::npos &&
+         std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  process.Signal(SIGINT);
+  const Outcome outcome = process.Wait();
+  EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
+  EXPECT_THAT(FilesIn(output()), ::testing::UnorderedElementsAre("performance.glb", "motion.bvh",
+                                                                 "joints.trc", "report.json"));
+  EXPECT_EQ(nlohmann::json::parse(ReadFile(output() / "report.json"))["complete"], false);
+}
+
+TEST_F(CommandTest, ProgressIsALineNowAndThen) {
+  std::vector<std::string> arguments = CaptureArguments(clip_->inputs, output());
+  std::erase(arguments, "--quiet");
+  const Outcome outcome = RunCommand(arguments);
+  EXPECT_EQ(outcome.exit_code, 0);
+  EXPECT_THAT(outcome.err, StartsWith("video 1/24"));
+  EXPECT_THAT(outcome.err, HasSubstr("\npose "));
+  EXPECT_THAT(outcome.err, HasSubstr("overlay 24/24 (100 %)\n"));
+  EXPECT_THAT(outcome.err, Not(HasSubstr("\r")));
+}
+
+TEST_F(CommandTest, EvalRefusesTruthOfAnotherClip) {
+  const fs::path a = folder_.Write("a.json", R"({"fps":30,"names":["LHip"],"joints":[[[0,0,0]]]})");
+  const fs::path b = folder_.Write("b.json", R"({"fps":30,"names":["LHip"],"joints":[]})");
+  const fs::path c = folder_.Write("c.json", R"({"fps":30,"names":["RHip"],"joints":[[[0,0,0]]]})");
+  ExpectOneSentence(RunCommand({"eval", a.string(), "--truth", b.string()}), "frames");
+  ExpectOneSentence(RunCommand({"eval", a.string(), "--truth", c.string()}), "in common");
+  ExpectOneSentence(RunCommand({"eval", a.string(), "--truth", (folder_ / "d").string()}),
+                    "no file");
+}
+
+}  // namespace
+}  // namespace mpc

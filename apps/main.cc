@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <new>
 #include <string_view>
@@ -63,6 +64,7 @@ int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);  // a full disk quota is an error, not a signal
   monoperfcap::CatchInterrupts();
+  ::setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", /*overwrite=*/0);  // our own sentence says what is wrong
   mpc::SetLogSink([](mpc::LogLevel level, std::string_view message) {
     if (level == mpc::LogLevel::kWarning) monoperfcap::PrintMessage("warning", message);
   });

@@ -32,6 +32,25 @@ TEST(CameraFileTest, ReadsEveryField) {
   EXPECT_FALSE(cameras[1].has_extrinsics);
 }
 
+TEST(CameraFileTest, RoundTrip) {
+  const testing::TempDir dir;
+  const std::vector<Camera> cameras =
+      ReadCameras(dir.Write("c.json", File(std::string(kFull) + "," + kPlain)));
+  WriteCameras(dir / "d.json", cameras);
+  const std::vector<Camera> read = ReadCameras(dir / "d.json");
+  ASSERT_EQ(read.size(), 2u);
+  for (size_t i = 0; i < 2; ++i) {
+    EXPECT_EQ(read[i].name, cameras[i].name);
+    EXPECT_EQ(read[i].width, cameras[i].width);
+    EXPECT_NEAR(read[i].fy, cameras[i].fy, 1e-6);
+    EXPECT_EQ(read[i].distortion, cameras[i].distortion);
+    EXPECT_EQ(read[i].has_extrinsics, cameras[i].has_extrinsics);
+    const Eigen::Vector3d x(1, 2, 3);
+    EXPECT_LT((read[i].camera_from_world * x - cameras[i].camera_from_world * x).norm(), 1e-9);
+  }
+  EXPECT_MPC_ERROR(WriteCameras("/dev/full", cameras), kWriteFailed, "/dev/full");
+}
+
 TEST(CameraFileTest, ChoosesByName) {
   const testing::TempDir dir;
   const std::string one = dir.Write("one.json", File(kFull)).string();

@@ -15,6 +15,7 @@
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
 #include "mpc/io/gltf.h"
+#include "mpc/io/joint_truth_file.h"
 #include "mpc/io/trc.h"
 #include "support/test_rig.h"
 
@@ -46,7 +47,7 @@ class CorruptTest : public ::testing::Test {
     std::uniform_int_distribution<size_t> position(0, reach - 1);
     std::uniform_int_distribution<int> byte(0, 255);
     const std::string useful = "0123456789-+.eE{}[]\",: \n\tnull";
-    for (int i = 0; i < 100; ++i) {
+    for (int i = 0; i < 300; ++i) {
       std::string bytes = good;
       const int num_flips = 1 << (i % 5);
       for (int flip = 0; flip < num_flips; ++flip) {
@@ -88,51 +89,65 @@ TEST_F(CorruptTest, Cameras) {
   EXPECT_GT(NumRefused(good, good.size(), [](const auto& path) { ReadCameras(path); }), 25);
 }
 
-TEST_F(CorruptTest, Detections) {
-  const std::string open_pose =
+TEST_F(CorruptTest, OpenPose) {
+  const std::string good =
       R"({"names": ["Nose", "Neck"], "det": [[[1, 2, 0.5], [3, 4, 1]], [[1, 2, 0], [3, 4, 1]]]})";
-  EXPECT_GT(
-      NumRefused(open_pose, open_pose.size(), [](const auto& path) { ReadDetections2d(path); }),
-      25);
+  EXPECT_GT(NumRefused(good, good.size(), [](const auto& path) { ReadDetections2d(path); }), 25);
+}
+
+TEST_F(CorruptTest, BlazePose) {
   std::string person = R"({"id": 1, "landmarks": [)";
   for (int i = 0; i < 33; ++i) person += std::string(i ? "," : "") + "[1, 2, 3, 0.5, 1]";
   person += R"(], "world": [)";
   for (int i = 0; i < 33; ++i) person += std::string(i ? "," : "") + "[0.1, 0.2, 0.3]";
-  const std::string blaze_pose = R"({"frames": [{"frame": 0, "persons": [)" + person + "]}]}]}";
+  const std::string good = R"({"frames": [{"frame": 0, "persons": [)" + person + "]}]}]}";
   const Read read_both = [](const auto& path) {
     ReadDetections3d(path);
     ReadDetections2d(path);
   };
-  EXPECT_GT(NumRefused(blaze_pose, blaze_pose.size(), read_both), 25);
-  const std::string own = R"({"format": "mpc-detections", "version": 1, "dimensions": 3,
-      "joints": ["neck", "nose"], "frames": [null, [[1, 2, 3, 1], null]]})";
-  EXPECT_GT(NumRefused(own, own.size(), [](const auto& path) { ReadDetections3d(path); }), 25);
+  EXPECT_GT(NumRefused(good, good.size(), read_both), 25);
 }
 
-TEST_F(CorruptTest, Gltf) {
-  const RigAsset rig = testing::MakeTestRig();
-  for (const testing::TestGltfOptions& options : std::vector<testing::TestGltfOptions>{
-           {.sparse = true, .old_animation = true}, {.data_uri = true}}) {
-    testing::TestGltf file(rig, options);
+TEST_F(CorruptTest, OwnDetections) {
+  const std::string good = R"({"format": "mpc-detections", "version": 1, "dimensions": 3,
+      "joints": ["neck", "nose"], "frames": [null, [[1, 2, 3, 1], null]]})";
+  EXPECT_GT(NumRefused(good, good.size(), [](const auto& path) { ReadDetections3d(path); }), 25);
+}
+
+TEST_F(CorruptTest, JointTruth) {
+  const std::string good =
+      R"({"fps": 60, "names": ["LElbow", "Head"], "joints": [[[1, 2, 3], [null, null, null]]]})";
+  EXPECT_GT(NumRefused(good, good.size(), [](const auto& path) { ReadJointTrack(path); }), 25);
+}
+
+// The damage lies in the JSON only, or anywhere.
+class CorruptGltfTest : public CorruptTest {
+ protected:
+  void Check(const testing::TestGltfOptions& options, bool json_only) {
+    testing::TestGltf file(testing::MakeTestRig(), options);
     const std::string good = file.Bytes();
-    const size_t json_size = file.json.dump().size() + 20;
     name_ = options.data_uri ? "damaged.gltf" : "damaged.glb";
     // What can be read can be written again.
     const Read round_trip = [&](const auto& path) {
-      const RigAsset read = ReadRigGltf(path);
+      const RigAsset rig = ReadRigGltf(path);
       GltfPerformance performance;
       performance.times_s = {0};
       performance.scene_from_bone.emplace_back();
-      for (const RigBone& bone : read.bones) {
+      for (const RigBone& bone : rig.bones) {
         performance.scene_from_bone[0].push_back(bone.scene_from_bone);
       }
       performance.camera = Camera::FromFov(640, 480, 1);
-      WriteGltfPerformance(dir_ / "out.glb", path, read, performance);
+      WriteGltfPerformance(dir_ / "out.glb", path, rig, performance);
     };
-    EXPECT_GT(NumRefused(good, json_size, round_trip), 25);
-    EXPECT_GT(NumRefused(good, good.size(), round_trip), 25);
+    const size_t reach = json_only ? file.json.dump().size() + 20 : good.size();
+    EXPECT_GT(NumRefused(good, reach, round_trip), 25);
   }
-}
+};
+
+TEST_F(CorruptGltfTest, BinaryJson) { Check({.sparse = true, .old_animation = true}, true); }
+TEST_F(CorruptGltfTest, BinaryAll) { Check({.sparse = true, .old_animation = true}, false); }
+TEST_F(CorruptGltfTest, TextJson) { Check({.data_uri = true}, true); }
+TEST_F(CorruptGltfTest, TextAll) { Check({.data_uri = true}, false); }
 
 }  // namespace
 }  // namespace mpc

@@ -11,7 +11,7 @@
 #include "io/random_performance.h"
 #include "io/temp_dir.h"
 #include "io/test_gltf.h"
-#include "mpc/io/atomic_file.h"
+#include "mpc/io/rig_gltf.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/proportions.h"
 #include "mpc/skeleton/rig_map.h"
@@ -85,6 +85,30 @@ TEST(GltfReadTest, ReadsEveryWayOfWritingTheSameRig) {
       }
     }
   }
+}
+
+TEST(GltfReadTest, RigsMadeByProgramsComeBackAsTheyWere) {
+  const TempDir dir;
+  for (const TestRigOptions& shape : testing::TestRigVariants()) {
+    RigAsset rig = testing::MakeTestRig(shape);
+    rig.meshes[0].uv = Eigen::Matrix2Xf::Random(2, rig.num_vertices());
+    WriteRigGltf(dir / "a.glb", rig);
+    const RigAsset read = ReadRigGltf(dir / "a.glb");
+    ASSERT_EQ(read.bones.size(), rig.bones.size());
+    for (size_t b = 0; b < rig.bones.size(); ++b) {
+      EXPECT_EQ(read.bones[b].name, rig.bones[b].name);
+      EXPECT_EQ(read.bones[b].parent, rig.bones[b].parent);
+      EXPECT_LT(BoneError(read.bones[b].scene_from_bone, rig.bones[b].scene_from_bone), 1e-5);
+    }
+    const RigMesh& mesh = read.meshes[0];
+    EXPECT_EQ(mesh.mesh.triangles, rig.meshes[0].mesh.triangles);
+    EXPECT_EQ(mesh.uv, rig.meshes[0].uv);
+    EXPECT_EQ(mesh.weights.topRows(2), rig.meshes[0].weights);
+    EXPECT_LT((mesh.mesh.positions - rig.meshes[0].mesh.positions).colwise().norm().maxCoeff(),
+              1e-5f);
+  }
+  EXPECT_MPC_ERROR(WriteRigGltf(dir / "a.glb", RigAsset()), kBadFile, "");
+  EXPECT_MPC_ERROR(WriteRigGltf("/dev/full", testing::MakeTestRig()), kWriteFailed, "/dev/full");
 }
 
 TEST(GltfReadTest, RestPoseThatIsNotTheBindPoseDoesNotMoveTheMesh) {

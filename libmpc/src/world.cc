@@ -86,7 +86,7 @@ Matrix3d YUpFrom(const Vector3d& up) {
   const Matrix3d rotation =
       Eigen::Quaterniond::FromTwoVectors(up, Vector3d::UnitY()).toRotationMatrix();
   const bool is_axis = up.cwiseAbs().maxCoeff() == 1;
-  return is_axis ? Matrix3d(rotation.array().round()) : rotation;
+  return is_axis ? Matrix3d(rotation.array().round() + 0.0) : rotation;  // no negative zeros
 }
 
 // y up, the camera's view direction towards -z as far as it is horizontal.

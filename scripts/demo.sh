@@ -3,16 +3,17 @@
 # truth, captures it with the ordinary command and prints the errors. With real data at hand
 # (MPC_DATA, else ../shared/data) it captures a real clip too.
 #
-#   scripts/demo.sh [FOLDER]   results go to FOLDER, default build/demo
+#   scripts/demo.sh [FOLDER]   results go to FOLDER, default demo_out
 set -euo pipefail
 cd "$(dirname "$0")/.."
-out=${1:-build/demo}
+out=${1:-demo_out}
+build=build/demo  # its own: without tests, which need more packages
 data=${MPC_DATA:-../shared/data}
 
 scripts/setup.sh --build
-cmake --preset release -DMPC_BUILD_TESTS=OFF
-cmake --build --preset release -j "$(nproc)" --target monoperfcap
-monoperfcap=build/release/apps/monoperfcap
+cmake --preset release -B "$build" -DMPC_BUILD_TESTS=OFF
+cmake --build "$build" -j "$(nproc)" --target monoperfcap
+monoperfcap=$build/apps/monoperfcap
 
 echo "== A synthetic clip: the actor walks, the detections err as a network's do"
 "$monoperfcap" synth -o "$out/synth"

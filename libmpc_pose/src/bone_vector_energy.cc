@@ -32,4 +32,16 @@ bool BoneVectorEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::Vecto
   return true;
 }
 
+BoneVectorEnergy BoneVectorEnergy::Restricted(const std::vector<int>& joint_index) const {
+  BoneVectorEnergy restricted = *this;
+  std::erase_if(restricted.bones_, [&](const BoneObservation& bone) {
+    return joint_index[bone.a] < 0 || joint_index[bone.b] < 0;
+  });
+  for (BoneObservation& bone : restricted.bones_) {
+    bone.a = joint_index[bone.a];
+    bone.b = joint_index[bone.b];
+  }
+  return restricted;
+}
+
 }  // namespace mpc

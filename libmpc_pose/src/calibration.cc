@@ -69,7 +69,7 @@ class Calibrator {
 
   FrameProblem Problem(const ClipEvidence& scaled, int i) const {
     return scaled.MakeProblem(scaled.Observe(frames_[i], swaps_[frames_[i]]), depths_[i],
-                              /*loss_width=*/1, {}, rest_);
+                              /*loss_width=*/1, rest_);
   }
 
   // Best poses for the scales; returns the cost of frames and prior.

@@ -14,7 +14,15 @@ namespace {
 using enum JointId;
 
 constexpr double kDegree = std::numbers::pi / 180;
-constexpr double kNoPck = 1e3;  // PCK of a frame that cannot be compared
+// Cost of one joint's detections that are off by their typical error, 20 mm; see pose_options.h.
+constexpr double kError2dMm = 20;
+constexpr double kNoiseCost = kError2dMm * kError2dMm / kNumPaperJoints;
+// From the median length of the error to its root mean square.
+constexpr double kErrorSpread = 1.3;
+constexpr double kMinError3dMm = 20;
+constexpr double kMaxError3dMm = 100;
+constexpr int kErrorFrames = 60;  // frames the 3D detections' error is measured on
+constexpr double kNoPck = 1e3;    // PCK of a frame that cannot be compared
 
 // Parents first. The torso is spanned by joints that detectors and rigs define alike.
 constexpr std::array<JointPair, 23> kBones = {{
@@ -81,6 +89,40 @@ bool IsRigid(const Skeleton& skeleton, int a, int b) {
          carrier(a) == carrier(b);
 }
 
+// How people hold a joint: the relaxed angle and the usual spread around it (degrees). Trunk, neck
+// and twists stay near rest, limbs swing; rough values, since the prior is weak.
+struct Posture {
+  std::string_view suffix;  // of the hinge's name
+  double rest_deg;
+  double spread_deg;
+};
+constexpr std::array<Posture, 17> kPostures = {{
+    {"spine_flexion", 5, 20},
+    {"spine_lateral", 0, 12},
+    {"spine_twist", 0, 15},
+    {"neck_flexion", 0, 20},
+    {"neck_lateral", 0, 15},
+    {"neck_twist", 0, 25},
+    {"head_nod", 0, 10},
+    {"shoulder_abduction", -70, 50},
+    {"shoulder_flexion", 5, 45},
+    {"shoulder_twist", 0, 40},
+    {"elbow_flexion", 15, 45},
+    {"hip_flexion", 5, 45},
+    {"hip_abduction", 3, 15},
+    {"hip_twist", 3, 15},
+    {"knee_flexion", 8, 50},
+    {"ankle_flexion", 0, 15},
+    {"ankle_eversion", 0, 12},
+}};
+
+Posture FindPosture(std::string_view hinge_name) {
+  for (const Posture& posture : kPostures) {
+    if (hinge_name.ends_with(posture.suffix)) return posture;
+  }
+  return {"", 0, 30};
+}
+
 // Joint positions of the rescaled detection, chained along the bones from the first one seen.
 struct ChainedJoints {
   std::vector<int> joints;  // indices into Skeleton::joints
@@ -133,6 +175,11 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
     column3d_[id] =
         detections3d == nullptr ? -1 : FindColumn(detections3d->joints, static_cast<JointId>(id));
   }
+  rest_weights_.resize(static_cast<Eigen::Index>(skeleton_.hinges.size()));
+  for (size_t h = 0; h < skeleton_.hinges.size(); ++h) {
+    const double spread = FindPosture(skeleton_.hinges[h].name).spread_deg * kDegree;
+    rest_weights_[h] = options.weight_rest * kNoiseCost / (spread * spread);
+  }
   KinematicState rest;
   ForwardKinematics(skeleton_, ZeroPose(skeleton_), &rest);
   for (const JointPair& pair : kBones) {
@@ -142,6 +189,8 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
     bones_.push_back(
         {a, b, (rest.joints.col(b) - rest.joints.col(a)).norm(), IsRigid(skeleton_, a, b)});
   }
+  error_3d_mm_ = options.error_3d_mm > 0 ? options.error_3d_mm : kMaxError3dMm;
+  if (detections3d != nullptr && options.error_3d_mm == 0) error_3d_mm_ = MeasureError3d();
 }
 
 // Position of a detected 3D joint; the pelvis may come from the hips.
@@ -223,7 +272,7 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap) const {
     Eigen::Vector3d& vector = observation.bone_vector[i];
     vector *= bone.rigid ? bone.length / vector.norm() : observation.scale_3d;
   }
-  observation.pck = Pck(f, swap, camera_from_detection, observation);
+  MeasurePck(f, swap, camera_from_detection, &observation);
   // w_f: binary, from PCK_f.
   observation.use_3d = observation.pck < options_.pck_threshold;
   return observation;
@@ -232,8 +281,8 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap) const {
 // PCK_f: the 3D detection, scaled to the actor, is placed where it projects best onto the 2D points
 // (t_f, linear least squares in normalised coordinates, reweighted against outliers); the error is
 // taken over the joints both sources have, in torso lengths.
-double ClipEvidence::Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
-                         const FrameObservation& observation) const {
+void ClipEvidence::MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
+                              FrameObservation* observation) const {
   struct Match {
     Eigen::Vector3d x;  // metres, any offset
     Eigen::Vector2d m;  // normalised image point
@@ -242,15 +291,15 @@ double ClipEvidence::Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_fro
     double weight;
   };
   std::vector<Match> matches;
-  for (const Observation2d& point : observation.points) {
+  for (const Observation2d& point : observation->points) {
     const JointId id = skeleton_.joints[point.joint].id;
     Eigen::Vector3d x;
     double confidence = 0;
     if (!Position3d(f, id, swap, &x, &confidence)) continue;
-    matches.push_back({observation.scale_3d * (camera_from_detection * x),
+    matches.push_back({observation->scale_3d * (camera_from_detection * x),
                        Undistort(camera_, point.pixel), point.pixel, id, point.weight});
   }
-  if (matches.size() < 4) return kNoPck;
+  if (matches.size() < 4) return;
   double torso_px = 0;
   double extent = 0;
   const auto pixel_of = [&](JointId id) -> const Eigen::Vector2d* {
@@ -272,11 +321,12 @@ double ClipEvidence::Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_fro
   }
   // A torso seen end-on projects short: never divide by less than a quarter of the whole extent.
   torso_px = std::max(torso_px, 0.25 * extent);
-  if (torso_px <= 0) return kNoPck;
+  if (torso_px <= 0) return;
 
   const bool robust = options_.robust_2d > 0;
   std::vector<double> trust(matches.size(), 1);
   std::vector<double> errors(matches.size());
+  Eigen::Vector3d translation = Eigen::Vector3d::Zero();
   for (int round = 0; round < (robust ? 4 : 1); ++round) {
     Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
@@ -290,27 +340,42 @@ double ClipEvidence::Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_fro
         b += trust[i] * weight * row * (m[axis] * x.z() - x[axis]);
       }
     }
-    const Eigen::Vector3d translation = a.ldlt().solve(b);
-    if (!translation.allFinite()) return kNoPck;
+    translation = a.ldlt().solve(b);
+    if (!translation.allFinite()) return;
     for (size_t i = 0; i < matches.size(); ++i) {
       Eigen::Vector2d pixel;
       const bool visible = Project(camera_, matches[i].x + translation, &pixel);
-      errors[i] = visible ? (pixel - matches[i].pixel).norm() / torso_px : kNoPck;
-      const double relative = errors[i] / options_.pck_threshold;
+      errors[i] = visible ? (pixel - matches[i].pixel).norm() : kNoPck * torso_px;
+      const double relative = errors[i] / (options_.pck_threshold * torso_px);
       trust[i] = 1 / (1 + relative * relative);
     }
   }
-  if (robust) {
-    // A few outliers must not switch a frame's 3D off: the median in place of the mean.
-    std::nth_element(errors.begin(), errors.begin() + errors.size() / 2, errors.end());
-    return errors[errors.size() / 2];
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  // A few outliers must not switch a frame's 3D off: the median in place of the mean.
+  const double error_px = robust ? *middle
+                                 : std::accumulate(errors.begin(), errors.end(), 0.0) /
+                                       static_cast<double>(errors.size());
+  observation->pck = error_px / torso_px;
+  observation->error_mm = error_px * 1000 * translation.z() * 2 / (camera_.fx + camera_.fy);
+}
+
+// Median over a spread of frames, kept in a sensible range.
+double ClipEvidence::MeasureError3d() const {
+  std::vector<double> errors;
+  const int step = std::max(1, num_frames() / kErrorFrames);
+  for (int f = 0; f < num_frames(); f += step) {
+    const FrameObservation observation = Observe(f);
+    if (observation.use_3d) errors.push_back(observation.error_mm);
   }
-  return std::accumulate(errors.begin(), errors.end(), 0.0) / static_cast<double>(errors.size());
+  if (errors.empty()) return kMaxError3dMm;
+  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
+  std::nth_element(errors.begin(), middle, errors.end());
+  return std::clamp(kErrorSpread * *middle, kMinError3dMm, kMaxError3dMm);
 }
 
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,
-                                       double loss_width, const std::vector<bool>& flipped,
-                                       const Eigen::VectorXd& rest) const {
+                                       double loss_width, const Eigen::VectorXd& rest) const {
   FrameProblem problem;
   // The sums of E_2d and E_3d are means over the paper's joints.
   const double mean = 1.0 / kNumPaperJoints;
@@ -328,15 +393,12 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     vectors.reserve(observation.bone.size());
     for (size_t i = 0; i < observation.bone.size(); ++i) {
       const EvidenceBone& bone = bones_[observation.bone[i]];
-      Eigen::Vector3d vector = observation.bone_vector[i];
-      if (!flipped.empty() && flipped[observation.bone[i]]) {
-        vector -= 2 * rotation.col(2).dot(vector) * rotation.col(2);
-      }
-      vectors.push_back({bone.a, bone.b, vector, mean * observation.bone_confidence[i]});
+      vectors.push_back(
+          {bone.a, bone.b, observation.bone_vector[i], mean * observation.bone_confidence[i]});
     }
     BoneVectorWeights weights;
-    weights.across = std::sqrt(options_.weight_3d_across);
-    weights.along = std::sqrt(options_.weight_3d_along);
+    weights.across = kError2dMm / error_3d_mm_;
+    weights.along = weights.across / options_.depth_error_ratio;
     weights.robust_scale = loss_width * options_.robust_3d;
     problem.bone_vectors = BoneVectorEnergy(std::move(vectors), rotation, weights);
   } else if (observation.use_3d) {
@@ -345,31 +407,17 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
         JointPositionEnergy(chained.joints, chained.positions, options_.weight_3d * mean);
   }
   if (options_.weight_rest > 0) {
-    const int num_hinges = static_cast<int>(skeleton_.hinges.size());
-    problem.rest_prior = RestPriorEnergy(
-        rest.tail(num_hinges), Eigen::VectorXd::Constant(num_hinges, options_.weight_rest));
+    problem.rest_prior = RestPriorEnergy(rest.tail(rest_weights_.size()), rest_weights_);
   }
   return problem;
 }
 
 Eigen::VectorXd RelaxedPose(const Skeleton& skeleton) {
-  struct Angle {
-    std::string_view suffix;
-    double degrees;
-  };
-  static constexpr std::array<Angle, 5> kAngles = {{{"shoulder_abduction", -70},
-                                                    {"elbow_flexion", 15},
-                                                    {"hip_flexion", 5},
-                                                    {"knee_flexion", 8},
-                                                    {"shoulder_flexion", 5}}};
   Eigen::VectorXd pose = ZeroPose(skeleton);
   for (size_t h = 0; h < skeleton.hinges.size(); ++h) {
     const Hinge& hinge = skeleton.hinges[h];
-    double angle = 0;
-    for (const Angle& known : kAngles) {
-      if (std::string_view(hinge.name).ends_with(known.suffix)) angle = known.degrees * kDegree;
-    }
-    pose[6 + h] = std::clamp(angle, hinge.min_rad, hinge.max_rad);
+    pose[6 + h] =
+        std::clamp(FindPosture(hinge.name).rest_deg * kDegree, hinge.min_rad, hinge.max_rad);
   }
   return pose;
 }

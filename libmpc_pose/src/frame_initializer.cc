@@ -16,13 +16,19 @@ namespace mpc {
 namespace {
 
 constexpr int kMinPoints = 4;
-constexpr int kMaxTrackedGap = 5;  // frames across which the previous pose is still a start
+constexpr double kMaxTrackedGapSeconds = 0.2;  // the previous pose is still a start after it
+constexpr int kNumSeeds = 12;                  // frames tried as the one to start from
 // A start fits when its cost is at most this factor above the typical cost of the clip so far.
 constexpr double kGoodFactor = 2.5;
-// Robust scales while looking for the pose, as a factor of the final ones.
-constexpr double kInitialLossWidth = 3;
-// Exchanged sides must explain the frame this much better.
-constexpr double kSwapPenalty = 1.5;
+// Robust scales are narrowed in steps (graduated non-convexity): a factor of the final ones.
+constexpr double kWideLoss = 3;
+// Exchanged sides, or a jump to another facing, must explain the frame this much better.
+constexpr double kJumpPenalty = 1.5;
+// Speeds a tracked pose may change with, at the price of one typical detection error (20 mm).
+constexpr double kTrackSpeed = 1.5;    // m/s
+constexpr double kTrackTurnSpeed = 4;  // rad/s
+constexpr double kNoiseCost = 20.0 * 20.0 / kNumPaperJoints;
+constexpr double kMaxTrackCost = 60 * kNoiseCost;  // a jump costs no more than this
 
 // Pelvis orientation of the 3D detection: left from hips and shoulders, up towards the shoulders.
 std::optional<Eigen::Matrix3d> TorsoRotation(const ClipEvidence& evidence,
@@ -78,30 +84,43 @@ Eigen::Vector3d FitRootTranslation(const ClipEvidence& evidence,
   return ray * (3.0 / std::max(0.1, ray.z()));
 }
 
+// Ties a pose to its neighbour's, some time away.
+TrackPriorEnergy TrackPrior(const Eigen::VectorXd& neighbour, double seconds) {
+  const double step = kTrackSpeed * seconds;
+  const double turn = kTrackTurnSpeed * seconds;
+  return {neighbour, kNoiseCost / (step * step), kNoiseCost / (turn * turn)};
+}
+
 // The best solution of one frame over several starts.
 class FrameSearch {
  public:
   explicit FrameSearch(const ClipEvidence& evidence)
       : evidence_(evidence), relaxed_(RelaxedPose(evidence.skeleton())) {}
 
-  void Reset() { cost = std::numeric_limits<double>::infinity(); }
-
-  // From afar a narrow robust loss would see nothing but outliers: plain squares lead the way.
-  void FromPose(const FrameObservation& observation, SideSwap side_swap,
-                const Eigen::VectorXd& start, bool near_by) {
-    Eigen::VectorXd candidate = start;
-    if (!near_by) Solve(observation, 0, &candidate);
-    const SolveSummary summary = Solve(observation, kInitialLossWidth, &candidate);
-    if (summary.termination == Termination::kFailed) return;
-    const double candidate_cost =
-        summary.final_cost * (side_swap == SideSwap::kNone ? 1 : kSwapPenalty);
-    if (candidate_cost >= cost) return;
-    cost = candidate_cost;
-    pose = candidate;
-    swap = side_swap;
+  // Forgets the candidates; from now on they also compete by their distance from a neighbour.
+  void Reset(const TrackPriorEnergy& prior = {}) {
+    cost = std::numeric_limits<double>::infinity();
+    prior_ = prior;
   }
 
-  void FromFacings(const FrameObservation& observation, SideSwap side_swap) {
+  void FromNeighbour(const FrameObservation& observation, SideSwap side_swap,
+                     const Eigen::VectorXd& neighbour) {
+    Eigen::VectorXd candidate = neighbour;
+    Solve(observation, 1, prior_, &candidate);
+    Keep(observation, side_swap, side_swap == SideSwap::kNone ? 1 : kJumpPenalty, candidate);
+  }
+
+  // From afar a narrow robust loss would see nothing but outliers: plain squares lead the way.
+  void FromPose(const FrameObservation& observation, SideSwap side_swap, double penalty,
+                const Eigen::VectorXd& start) {
+    Eigen::VectorXd candidate = start;
+    for (const double loss_width : {0.0, kWideLoss, 1.0}) {
+      Solve(observation, loss_width, {}, &candidate);
+    }
+    Keep(observation, side_swap, penalty, candidate);
+  }
+
+  void FromFacings(const FrameObservation& observation, double penalty) {
     std::vector<Eigen::Matrix3d> facings;
     if (observation.use_3d) {
       if (const auto torso = TorsoRotation(evidence_, observation)) facings.push_back(*torso);
@@ -118,7 +137,7 @@ class FrameSearch {
       for (Eigen::VectorXd start : {relaxed_, ZeroPose(evidence_.skeleton())}) {
         start.segment<3>(3) = LogSO3(facing);
         start.head<3>() = FitRootTranslation(evidence_, observation, start);
-        FromPose(observation, side_swap, start, /*near_by=*/false);
+        FromPose(observation, SideSwap::kNone, penalty, start);
       }
     }
   }
@@ -128,16 +147,39 @@ class FrameSearch {
   SideSwap swap = SideSwap::kNone;
 
  private:
-  SolveSummary Solve(const FrameObservation& observation, double loss_width,
-                     Eigen::VectorXd* candidate) {
-    const FrameProblem problem =
-        evidence_.MakeProblem(observation, PersonDepth(*candidate), loss_width, {}, relaxed_);
-    return SolveFrame(evidence_.skeleton(), problem, evidence_.options().frame_solver, candidate,
-                      &scratch_);
+  FrameProblem Problem(const FrameObservation& observation, double loss_width,
+                       const Eigen::VectorXd& candidate) const {
+    return evidence_.MakeProblem(observation, PersonDepth(candidate), loss_width, relaxed_);
+  }
+
+  void Solve(const FrameObservation& observation, double loss_width, const TrackPriorEnergy& prior,
+             Eigen::VectorXd* candidate) {
+    FrameProblem problem = Problem(observation, loss_width, *candidate);
+    problem.track_prior = prior;
+    SolveFrame(evidence_.skeleton(), problem, evidence_.options().frame_solver, candidate,
+               &scratch_);
+  }
+
+  void Keep(const FrameObservation& observation, SideSwap side_swap, double penalty,
+            const Eigen::VectorXd& candidate) {
+    PosePoint& point = scratch_.current;
+    point.pose = candidate;
+    point.root_rotation = ExpSO3(candidate.segment<3>(3));
+    point.Update(evidence_.skeleton(), /*with_jacobian=*/false);
+    FrameProblem tracking;
+    tracking.track_prior = prior_;
+    const double candidate_cost =
+        penalty * EvaluateFrame(Problem(observation, 1, candidate), point, &scratch_.evaluation) +
+        std::min(kMaxTrackCost, EvaluateFrame(tracking, point, &scratch_.evaluation));
+    if (candidate_cost >= cost) return;
+    cost = candidate_cost;
+    pose = candidate;
+    swap = side_swap;
   }
 
   const ClipEvidence& evidence_;
   Eigen::VectorXd relaxed_;
+  TrackPriorEnergy prior_;
   FrameSolveScratch scratch_;
 };
 
@@ -169,48 +211,81 @@ void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
 
 double PersonDepth(const Eigen::VectorXd& pose) { return std::max(0.1, pose[2]); }
 
-FrameInitialization InitializeFrames(const ClipEvidence& evidence) {
+FrameInitialization InitializeFrames(const ClipEvidence& evidence, double fps) {
   const int num_frames = evidence.num_frames();
   FrameInitialization result;
   result.poses.setZero(evidence.skeleton().num_dofs(), num_frames);
   result.swaps.assign(num_frames, SideSwap::kNone);
   result.observed.assign(num_frames, false);
-
-  FrameSearch search(evidence);
-  int previous = -1;
-  double cost_sum = 0;
-  int num_solved = 0;
+  std::vector<int> usable;
   for (int f = 0; f < num_frames; ++f) {
     result.observations.push_back(evidence.Observe(f));
-    if (static_cast<int>(result.observations[f].points.size()) < kMinPoints) continue;
-    search.Reset();
-    const auto fits = [&] {
-      return num_solved >= 5 && search.cost <= kGoodFactor * cost_sum / num_solved;
-    };
-    const FrameObservation& seen = result.observations[f];
-    if (previous >= 0 && f - previous <= kMaxTrackedGap) {
-      const Eigen::VectorXd start = result.poses.col(previous);
-      search.FromPose(seen, SideSwap::kNone, start, /*near_by=*/true);
-      if (!fits()) {
-        for (const SideSwap swap : PossibleSwaps(evidence, seen, f)) {
-          search.FromPose(evidence.Observe(f, swap), swap, start, /*near_by=*/true);
-        }
-      }
-    }
-    if (!fits()) search.FromFacings(result.observations[f], SideSwap::kNone);
-    if (!std::isfinite(search.cost)) continue;
+    if (static_cast<int>(result.observations[f].points.size()) >= kMinPoints) usable.push_back(f);
+  }
 
+  FrameSearch search(evidence);
+  double cost_sum = 0;
+  int num_solved = 0;
+  const auto accept = [&](int f) {
     result.poses.col(f) = search.pose;
     result.swaps[f] = search.swap;
     if (search.swap != SideSwap::kNone) result.observations[f] = evidence.Observe(f, search.swap);
     result.observed[f] = true;
     cost_sum += search.cost;
     ++num_solved;
-    previous = f;
+  };
+  const auto fits = [&] {
+    return num_solved >= 5 && search.cost <= kGoodFactor * cost_sum / num_solved;
+  };
+
+  // The frame to start from: the best explained per observation of a few spread over the clip.
+  int seed = -1;
+  double seed_cost = std::numeric_limits<double>::infinity();
+  const int num_seeds = std::min<int>(kNumSeeds, static_cast<int>(usable.size()));
+  for (int i = 0; i < num_seeds; ++i) {
+    const int f = usable[static_cast<size_t>(i) * usable.size() / num_seeds];
+    const FrameObservation& observation = result.observations[f];
+    search.Reset();
+    search.FromFacings(observation, 1);
+    const double count = static_cast<double>(observation.points.size() +
+                                             (observation.use_3d ? observation.bone.size() : 0));
+    if (search.cost / (count * count) >= seed_cost) continue;
+    seed_cost = search.cost / (count * count);
+    seed = f;
   }
-  if (num_solved == 0) {
+  if (seed < 0) {
     throw Error(ErrorCode::kMismatch,
                 "no frame has enough 2D detections of a person (4 joints with confidence above 0)");
+  }
+  search.Reset();
+  search.FromFacings(result.observations[seed], 1);
+  accept(seed);
+
+  const int max_gap = std::max(2, static_cast<int>(std::lround(kMaxTrackedGapSeconds * fps)));
+  const auto track = [&](int f, int previous) {
+    const FrameObservation& seen = result.observations[f];
+    const int gap = std::abs(f - previous);
+    const Eigen::VectorXd start = result.poses.col(previous);
+    search.Reset(TrackPrior(start, gap / fps));
+    if (gap <= max_gap) {
+      search.FromNeighbour(seen, SideSwap::kNone, start);
+      if (!fits()) {
+        for (const SideSwap swap : PossibleSwaps(evidence, seen, f)) {
+          search.FromNeighbour(evidence.Observe(f, swap), swap, start);
+        }
+      }
+    }
+    if (!fits()) search.FromFacings(seen, gap <= max_gap ? kJumpPenalty : 1);
+    if (std::isfinite(search.cost)) accept(f);
+    return result.observed[f];
+  };
+  int previous = seed;
+  for (const int f : usable) {
+    if (f > seed && track(f, previous)) previous = f;
+  }
+  previous = seed;
+  for (auto f = usable.rbegin(); f != usable.rend(); ++f) {
+    if (*f < seed && track(*f, previous)) previous = *f;
   }
   FillGaps(result.observed, &result.poses);
   return result;

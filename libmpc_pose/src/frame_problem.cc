@@ -6,7 +6,16 @@ namespace mpc {
 
 int FrameProblem::num_residuals() const {
   return reprojection.num_residuals() + joint_positions.num_residuals() +
-         bone_vectors.num_residuals() + rest_prior.num_residuals();
+         bone_vectors.num_residuals() + rest_prior.num_residuals() + track_prior.num_residuals();
+}
+
+FrameProblem FrameProblem::Restricted(const std::vector<int>& joint_index,
+                                      const std::vector<int>& hinges) const {
+  FrameProblem restricted;
+  restricted.reprojection = reprojection.Restricted(joint_index);
+  restricted.bone_vectors = bone_vectors.Restricted(joint_index);
+  restricted.rest_prior = rest_prior.Restricted(hinges);
+  return restricted;
 }
 
 double EvaluateFrame(const FrameProblem& problem, const PosePoint& at, FrameScratch* scratch,
@@ -25,7 +34,7 @@ double EvaluateFrame(const FrameProblem& problem, const PosePoint& at, FrameScra
     return true;
   };
   if (!add(problem.reprojection) || !add(problem.joint_positions) || !add(problem.bone_vectors) ||
-      !add(problem.rest_prior)) {
+      !add(problem.rest_prior) || !add(problem.track_prior)) {
     return std::numeric_limits<double>::infinity();
   }
   if (hessian != nullptr) {

@@ -45,7 +45,8 @@ SolveSummary SolveFrame(const Skeleton& skeleton, const FrameProblem& problem,
     // The root translation is in metres: the floor on the diagonal keeps free directions solvable.
     const double floor = 1e-9 * hessian.diagonal().maxCoeff() + 1e-300;
     for (int n = 0; n < num_dofs; ++n) {
-      const bool pinned = (current.pose[n] <= lower[n] && scratch->gradient[n] > 0) ||
+      const bool pinned = (options.fixed_root && n < 6) ||
+                          (current.pose[n] <= lower[n] && scratch->gradient[n] > 0) ||
                           (current.pose[n] >= upper[n] && scratch->gradient[n] < 0);
       if (pinned) {
         scratch->damped.row(n).setZero();

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <chrono>
 #include <cmath>
 
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
+#include "mpc/pose/limb_search.h"
 #include "mpc/pose/trajectory_basis.h"
 #include "mpc/pose/windows.h"
 
@@ -19,9 +19,6 @@ namespace {
 constexpr double kRejectedMm = 150;
 // Share of w_d inside the subspace never quite reaches 1: coefficients stay variables of their own.
 constexpr double kMaxBandPenalty = 0.999;
-
-// Robust scales are narrowed in steps (graduated non-convexity): factors of the options' scales.
-constexpr std::array<double, 2> kLossWidths = {3, 1};
 
 class Stopwatch {
  public:
@@ -69,12 +66,12 @@ void SetSmoothness(const PoseOptions& options, double fps, int num_frames, Batch
   if (!options.soft_band) return;
   for (int k = 0; k < size; ++k) {
     problem->band_penalty[k] =
-        std::min(kMaxBandPenalty, std::pow(static_cast<double>(k) / size, 4));
+        std::min(kMaxBandPenalty, std::pow(static_cast<double>(k) / size, 8));
   }
 }
 
 BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                       const Window& window, double fps, double loss_width) {
+                       const Window& window, double fps) {
   BatchProblem problem;
   problem.skeleton = evidence.skeleton();
   const Eigen::VectorXd relaxed = RelaxedPose(evidence.skeleton());
@@ -83,7 +80,7 @@ BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& 
     // What nobody saw is kept at its interpolation, not pulled to rest.
     const Eigen::VectorXd& rest = initialization.observed[f] ? relaxed : pose;
     problem.frames.push_back(evidence.MakeProblem(initialization.observations[f], PersonDepth(pose),
-                                                  loss_width, {}, rest));
+                                                  /*loss_width=*/1, rest));
   }
   SetSmoothness(evidence.options(), fps, window.size(), &problem);
   return problem;
@@ -149,7 +146,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
 
   Stopwatch initialization_watch;
   ClipEvidence evidence(skeleton, camera, detections2d, detections3d, options);
-  FrameInitialization initialization = InitializeFrames(evidence);
+  FrameInitialization initialization = InitializeFrames(evidence, fps);
   track.seconds_initialization = initialization_watch.Seconds();
 
   Stopwatch calibration_watch;
@@ -161,32 +158,39 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
   }
   const ClipEvidence fitted(ScaledSkeleton(skeleton, track.proportions), camera, detections2d,
                             detections3d, options);
-  if (options.fit_proportions) initialization = InitializeFrames(fitted);
+  if (options.fit_proportions) initialization = InitializeFrames(fitted, fps);
   track.seconds_calibration = calibration_watch.Seconds();
 
   Stopwatch batch_watch;
   const std::vector<Window> windows =
       MakeWindows(fitted.num_frames(), options.window_frames, options.overlap_frames);
   track.num_windows = static_cast<int>(windows.size());
-  std::vector<Eigen::MatrixXd> solved(windows.size());
-  for (size_t w = 0; w < windows.size(); ++w) {
-    solved[w] = initialization.poses.middleCols(windows[w].begin, windows[w].size());
+  track.poses = initialization.poses;
+  const auto solve_windows = [&](int first_step, int num_steps) {
+    std::vector<Eigen::MatrixXd> solved(windows.size());
+    for (size_t w = 0; w < windows.size(); ++w) {
+      solved[w] = track.poses.middleCols(windows[w].begin, windows[w].size());
+    }
+    // Rounds of a few windows keep the threads busy and let the callback stop between them.
+    const int round = 4 * ResolveNumThreads(options.num_threads);
+    for (int first = 0; first < track.num_windows && !track.cancelled; first += round) {
+      const int count = std::min(round, track.num_windows - first);
+      ParallelFor(count, options.num_threads, [&](int i) {
+        const int w = first + i;
+        SolveBatch(MakeBatch(fitted, initialization, windows[w], fps), options.batch_solver,
+                   &solved[w]);
+      });
+      if (progress) track.cancelled = !progress({"pose", first_step + first + count, num_steps});
+    }
+    track.poses = BlendWindows(windows, solved, fitted.num_frames());
+  };
+  if (options.test_depth_flips) {
+    solve_windows(0, 2 * track.num_windows);
+    if (!track.cancelled) ChooseLimbs(fitted, initialization, fps, &track.poses);
+    solve_windows(track.num_windows, 2 * track.num_windows);
+  } else {
+    solve_windows(0, track.num_windows);
   }
-  // Rounds of a few windows keep the threads busy and let the callback stop between them.
-  const int num_windows = track.num_windows;
-  const int round = 4 * ResolveNumThreads(options.num_threads);
-  for (int first = 0; first < num_windows && !track.cancelled; first += round) {
-    const int count = std::min(round, num_windows - first);
-    ParallelFor(count, options.num_threads, [&](int i) {
-      const int w = first + i;
-      for (const double loss_width : kLossWidths) {
-        SolveBatch(MakeBatch(fitted, initialization, windows[w], fps, loss_width),
-                   options.batch_solver, &solved[w]);
-      }
-    });
-    if (progress) track.cancelled = !progress({"pose", first + count, num_windows});
-  }
-  track.poses = BlendWindows(windows, solved, fitted.num_frames());
   track.seconds_batch = batch_watch.Seconds();
 
   for (int f = 0; f < fitted.num_frames(); ++f) {

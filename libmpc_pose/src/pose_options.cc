@@ -45,8 +45,9 @@ void PoseOptions::Validate() const {
   non_negative(lambda_rotation, "lambda_rotation");
   non_negative(lambda_angles, "lambda_angles");
   non_negative(weight_3d, "weight_3d");
-  non_negative(weight_3d_across, "weight_3d_across");
-  non_negative(weight_3d_along, "weight_3d_along");
+  non_negative(error_3d_mm, "error_3d_mm");
+  require(depth_error_ratio > 0 && depth_error_ratio < 1e6,
+          fmt::format("depth_error_ratio is {}, not > 0", depth_error_ratio));
   non_negative(robust_2d, "robust_2d");
   non_negative(robust_3d, "robust_3d");
   non_negative(pck_threshold, "pck_threshold");

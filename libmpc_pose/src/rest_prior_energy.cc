@@ -18,4 +18,12 @@ bool RestPriorEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::Vector
   return true;
 }
 
+RestPriorEnergy RestPriorEnergy::Restricted(const std::vector<int>& hinges) const {
+  RestPriorEnergy restricted;
+  if (num_residuals() == 0) return restricted;
+  restricted.rest_rad_ = rest_rad_(hinges);
+  restricted.sqrt_weights_ = sqrt_weights_(hinges);
+  return restricted;
+}
+
 }  // namespace mpc

@@ -35,6 +35,9 @@ class BoneVectorEnergy {
   bool Evaluate(const PosePoint& at, int first_row, Eigen::VectorXd* r,
                 Eigen::MatrixXd* jacobian) const;
 
+  // The bones between some joints only: joint_index gives each joint's new index or -1.
+  BoneVectorEnergy Restricted(const std::vector<int>& joint_index) const;
+
   const std::vector<BoneObservation>& bones() const { return bones_; }
 
  private:

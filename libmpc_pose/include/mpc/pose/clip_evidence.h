@@ -34,6 +34,7 @@ struct FrameObservation {
   std::vector<double> bone_confidence;
   double scale_3d = 1;  // the actor's lengths over the detected ones
   Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
+  double error_mm = 0;  // that error at the person, per joint in the middle
   double pck = 1e3;     // PCK_f: 2D error of the projected 3D detection over the torso's length
   bool use_3d = false;  // w_f
 };
@@ -53,16 +54,17 @@ class ClipEvidence {
   FrameObservation Observe(int f, SideSwap swap = SideSwap::kNone) const;
 
   // The frame's energies. depth_m: distance of the person along the optical axis, for the unit of
-  // 2D residuals. robust: with the options' robust losses, else plain squares. flipped: per bone,
-  // true to mirror its 3D vector in depth (empty: none). rest: the rest prior's target (N).
+  // 2D residuals. loss_width: factor on the options' robust scales, 0 for plain squares. rest: the
+  // rest prior's target (N).
   FrameProblem MakeProblem(const FrameObservation& observation, double depth_m, double loss_width,
-                           const std::vector<bool>& flipped, const Eigen::VectorXd& rest) const;
+                           const Eigen::VectorXd& rest) const;
 
  private:
   bool Position3d(int f, JointId id, SideSwap swap, Eigen::Vector3d* position,
                   double* confidence) const;
-  double Pck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
-             const FrameObservation& observation) const;
+  void MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
+                  FrameObservation* observation) const;
+  double MeasureError3d() const;
 
   Skeleton skeleton_;
   Camera camera_;
@@ -70,6 +72,8 @@ class ClipEvidence {
   const Detections3d* detections3d_;
   const PoseOptions& options_;
   std::vector<EvidenceBone> bones_;
+  double error_3d_mm_ = 0;        // typical error of the 3D detections across the ray
+  Eigen::VectorXd rest_weights_;  // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
   std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there
 };

@@ -17,11 +17,12 @@ struct FrameInitialization {
   std::vector<bool> observed;  // F: the frame had enough detections to be solved on its own
 };
 
-// Solves each frame from the previous frame and, where that does not fit, with left
-// and right exchanged, from the 3D detection's orientation or, without one, from four facings; keeps
-// the best. Frames with fewer than four 2D joints, or whose solve fails, are filled in between their
-// neighbours (rotations on the sphere). Throws Error (kMismatch) when no frame has enough.
-FrameInitialization InitializeFrames(const ClipEvidence& evidence);
+// Starts at the frame that explains itself best and tracks forwards and backwards, each frame tied
+// to the one before. Where that does not fit, left and right are exchanged, or the frame starts anew
+// from the 3D detection's orientation (without one, from four facings); the best by evidence is
+// kept. Frames with fewer than four 2D joints are filled in between their neighbours (rotations on
+// the sphere). Throws Error (kMismatch) when no frame has enough.
+FrameInitialization InitializeFrames(const ClipEvidence& evidence, double fps);
 
 // Distance (m) of a pose's root along the optical axis; what the unit of 2D residuals needs.
 double PersonDepth(const Eigen::VectorXd& pose);

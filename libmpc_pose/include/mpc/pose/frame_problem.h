@@ -4,12 +4,14 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "mpc/pose/bone_vector_energy.h"
 #include "mpc/pose/energy.h"
 #include "mpc/pose/joint_position_energy.h"
 #include "mpc/pose/reprojection_energy.h"
 #include "mpc/pose/rest_prior_energy.h"
+#include "mpc/pose/track_prior_energy.h"
 
 namespace mpc {
 
@@ -18,8 +20,14 @@ struct FrameProblem {
   JointPositionEnergy joint_positions;  // the paper's E_3d; empty in the default
   BoneVectorEnergy bone_vectors;        // ours; empty in the paper preset
   RestPriorEnergy rest_prior;
+  TrackPriorEnergy track_prior;  // empty but while frames are initialised one after the other
 
   int num_residuals() const;
+
+  // The problem of a part of the skeleton: joint_index gives each joint's index in the part or -1,
+  // `hinges` the part's hinges. E_3d as in the paper sees all joints at once and is left out.
+  FrameProblem Restricted(const std::vector<int>& joint_index,
+                          const std::vector<int>& hinges) const;
 };
 
 // Buffers of Evaluate, to be reused.

@@ -13,6 +13,7 @@ namespace mpc {
 struct FrameSolveOptions {
   int max_iterations = 30;
   double relative_tolerance = 1e-3;  // stop when an accepted step lowers the cost by less
+  bool fixed_root = false;           // hold root translation and rotation
   double initial_damping = 1e-2;     // times the diagonal of the normal equations
 };
 

@@ -15,24 +15,26 @@ struct PoseOptions {
   // Trajectory subspace, E_d.
   int basis_size = 0;          // K; 0: from the frame rate and cutoff_hz. Paper: 8
   double cutoff_hz = 4;        // ours: motion above it is noise. In (0, 1000]
-  double weight_smooth = 0.2;  // w_d. Paper: 50, practically a hard projection
-  bool soft_band = true;       // ours: w_d fades in as (k / K)^4 inside the subspace; false: paper
+  double weight_smooth = 0.1;  // w_d. Paper: 50, practically a hard projection
+  bool soft_band = true;       // ours: w_d fades in as (k / K)^8 inside the subspace; false: paper
   double lambda_translation = 1;  // per mm (paper)
   double lambda_rotation = 600;   // per rad (paper)
   double lambda_angles = 600;     // per rad (paper)
 
   // Detections.
-  bool anisotropic_3d = true;      // bone vectors weighed per ray axis; false: the paper's E_3d
-  double weight_3d = 0.1;          // w_3d of the paper's E_3d
-  double weight_3d_across = 0.2;   // ours: (20 mm / 45 mm)^2, 2D noise over 3D noise across the ray
-  double weight_3d_along = 0.05;   // ours: (20 mm / 90 mm)^2, along the ray
+  bool anisotropic_3d = true;  // bone vectors weighed per ray axis; false: the paper's E_3d
+  double weight_3d = 0.1;      // w_3d of the paper's E_3d
+  // ours: bone residuals weigh (20 mm / error)^2. The error across the ray is 0: measured per clip
+  // from how far the projected 3D lies from the 2D; along the ray it is depth_error_ratio as large.
+  double error_3d_mm = 0;
+  double depth_error_ratio = 2.2;
   bool pixels_in_mm = true;        // 2D residuals in mm at the person; false: px of a 1920 frame
   bool confidence_weights = true;  // 2D detections weighted by their confidence; false: 1 or 0
   double robust_2d = 100;          // Geman-McClure scale in mm (or px), 0: plain squares (paper)
-  double robust_3d = 60;           // of weighted bone residuals, mm, 0: plain squares
+  double robust_3d = 90;           // of weighted bone residuals, mm, 0: plain squares
   double pck_threshold = 0.4;      // thres_pck of the paper: a frame's 3D is off above it
-  bool test_depth_flips = true;    // ours: depth-mirrored limbs are tried at window level
-  double weight_rest = 30;         // ours: rest prior per rad^2; 0: paper
+  bool test_depth_flips = true;    // ours: depth-mirrored limbs are tried over the clip
+  double weight_rest = 0.6;        // ours: rest prior, over a joint's usual spread; 0: paper
 
   bool fit_proportions = true;  // ours: body proportions estimated once per clip; false: paper
 

@@ -30,6 +30,9 @@ class ReprojectionEnergy {
   bool Evaluate(const PosePoint& at, int first_row, Eigen::VectorXd* r,
                 Eigen::MatrixXd* jacobian) const;
 
+  // The observations of some joints only: joint_index gives each joint's new index or -1.
+  ReprojectionEnergy Restricted(const std::vector<int>& joint_index) const;
+
   const std::vector<Observation2d>& observations() const { return observations_; }
   double unit_per_px() const { return unit_per_px_; }
 

@@ -4,6 +4,8 @@
 // Rows: one per hinge, rad: sqrt(weight_h) (theta_h - rest_h).
 #pragma once
 
+#include <vector>
+
 #include "mpc/pose/energy.h"
 
 namespace mpc {
@@ -13,6 +15,9 @@ class RestPriorEnergy {
   RestPriorEnergy() = default;
   // rest and weights have one entry per hinge.
   RestPriorEnergy(Eigen::VectorXd rest_rad, Eigen::VectorXd weights);
+
+  // The rows of some hinges only.
+  RestPriorEnergy Restricted(const std::vector<int>& hinges) const;
 
   int num_residuals() const { return static_cast<int>(rest_rad_.size()); }
   bool Evaluate(const PosePoint& at, int first_row, Eigen::VectorXd* r,

@@ -37,6 +37,21 @@ void ExpectSameAsSkeleton(const Skeleton& skeleton, const Eigen::MatrixXd& poses
   }
 }
 
+// The same skeleton with segments whose own axes point anywhere.
+Skeleton WithTurnedSegments(Skeleton skeleton) {
+  for (int s = 0; s < skeleton.num_segments(); ++s) {
+    skeleton.segments[s].rest_rotation =
+        Eigen::AngleAxisd(0.3 * s + 0.2, Eigen::Vector3d(s, 1, -2).normalized()).toRotationMatrix();
+  }
+  return skeleton;
+}
+
+TEST(BvhTest, SegmentsMayHaveAnyAxes) {
+  const Skeleton skeleton = WithTurnedSegments(DefaultSkeleton());
+  const Eigen::MatrixXd poses = testing::RandomMotion(skeleton, 10, 3);
+  ExpectSameAsSkeleton(skeleton, poses, BvhFromPoses(skeleton, poses, 30), 1e-9);
+}
+
 TEST(BvhTest, FromPosesAndThroughAFileKeepsEveryJoint) {
   const testing::TempDir dir;
   const Skeleton skeleton = DefaultSkeleton();

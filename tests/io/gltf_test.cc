@@ -124,6 +124,15 @@ TEST(GltfReadTest, RestPoseThatIsNotTheBindPoseDoesNotMoveTheMesh) {
   }
 }
 
+TEST(GltfReadTest, VerticesWithoutWeightsStayWithTheMesh) {
+  const TempDir dir;
+  RigAsset rig = testing::MakeTestRig();
+  rig.meshes[0].weights.col(7).setZero();
+  TestGltf file(rig, {.armature = true});
+  const RigAsset read = ReadRigGltf(dir.Write("a.glb", file.Bytes()));
+  EXPECT_LT((read.meshes[0].mesh.positions - rig.meshes[0].mesh.positions).norm(), 1e-3f);
+}
+
 TEST(GltfReadTest, StripsAndFansAreTakenApart) {
   const TempDir dir;
   TestGltf file(testing::MakeTestRig(), {});
@@ -234,6 +243,21 @@ TEST(GltfWriteTest, AViewerShowsTheBonesAndVerticesOfThePerformance) {
       ExpectShown(GltfProbe(dir / "out.glb"), rig, performance);
     }
   }
+}
+
+TEST(GltfWriteTest, BonesThatMoveOrGrowInTheirParentsAreFollowed) {
+  const TempDir dir;
+  TestGltf file(testing::MakeTestRig(), {.armature = true});
+  const auto source = dir.Write("a.glb", file.Bytes());
+  const RigAsset rig = ReadRigGltf(source);
+  GltfPerformance performance = testing::RandomBonePerformance(rig, 5, 30);
+  for (size_t f = 0; f < 5; ++f) {
+    Eigen::Affine3d& moved = performance.scene_from_bone[f][3];
+    moved.pretranslate(Eigen::Vector3d(0, 3e-4 * static_cast<double>(f), 0.1));
+    performance.scene_from_bone[f][7].scale(1 + 0.1 * static_cast<double>(f));
+  }
+  WriteGltfPerformance(dir / "out.glb", source, rig, performance);
+  ExpectShown(GltfProbe(dir / "out.glb"), rig, performance);
 }
 
 TEST(GltfWriteTest, OtherRestPoseAndOtherProportionsAreFollowed) {

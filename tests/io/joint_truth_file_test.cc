@@ -33,7 +33,8 @@ TEST(JointTruthFileTest, ReadsJsonByOpenPoseNames) {
   const testing::TempDir dir;
   const JointTrack read = ReadJointTrack(dir.Write("a.json", R"(
       {"fps": 60, "names": ["Tail", "LElbow", "Head"],
-       "joints": [[[9, 9, 9], [1, 2, 3], [4, 5, 6]], [[9, 9, 9], [null, null, null], [7, 8, 9]]]})"));
+       "joints": [[[9, 9, 9], [1, 2, 3], [4, 5, 6]],
+                  [[9, 9, 9], [null, null, null], [7, 8, 9]]]})"));
   EXPECT_EQ(read.joints, (std::vector<JointId>{JointId::kLeftElbow, JointId::kHeadTop}));
   EXPECT_EQ(read.fps, 60);
   ASSERT_EQ(read.num_frames(), 2);

@@ -1,5 +1,5 @@
 // Purpose: read and write cameras.json (docs/formats.md, "Cameras").
-// Frames: x_in_camera = R x_in_world + t, OpenCV axes. Units: metres, pixels of the video as stored.
+// Frames: x_in_camera = R x_in_world + t, OpenCV axes. Units: metres, pixels of the stored video.
 #pragma once
 
 #include <filesystem>

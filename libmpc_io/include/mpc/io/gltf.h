@@ -1,5 +1,5 @@
 // Purpose: read an actor from glTF 2.0 and write that actor's performance as glTF.
-// Source: Khronos glTF 2.0 specification, sections 3.6 (accessors), 3.7.3 (skins), 3.11 (animation).
+// Source: Khronos glTF 2.0 specification, 3.6 (accessors), 3.7.3 (skins), 3.11 (animation).
 // Frames: scene frame of the file, right-handed, y up. Camera frame: x right, y down, z forward.
 // Units: metres, seconds. Symbols: B bones, F frames, V vertices.
 #pragma once

@@ -11,6 +11,8 @@
 namespace mpc {
 namespace {
 
+constexpr int kMaxBoundRounds = 2;     // times a step is solved again around the bounds it meets
+constexpr double kBoundSlack = 0.005;  // rad; less is clipped
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::vector<Eigen::Matrix3d> RootRotations(const Eigen::MatrixXd& poses) {
@@ -92,6 +94,7 @@ class ArrowSystem {
         hessians(problem.frames.size(), Eigen::MatrixXd(num_dofs_, num_dofs_)),
         gradients(num_dofs_, num_frames_),
         pinned(num_dofs_, num_frames_),
+        pinned_step(Eigen::MatrixXd::Zero(num_dofs_, num_frames_)),
         inverses_(problem.frames.size(), Eigen::MatrixXd(num_dofs_, num_dofs_)),
         packed_(num_frames_, num_dofs_ * (num_dofs_ + 1) / 2) {
     // Products d_k d_l per frame, packed over k >= l: the Schur complement is one matrix product.
@@ -116,6 +119,10 @@ class ArrowSystem {
       block.diagonal() *= 1 + damping;
       block.diagonal() += (1 + 1e-8) * weights_;
       block.diagonal().array() += 1e-9 * hessians[f].diagonal().maxCoeff();
+      Eigen::VectorXd descent = -gradients.col(f);
+      for (int n = 0; n < num_dofs_; ++n) {
+        if (pinned(n, f)) descent -= block.col(n) * pinned_step(n, f);
+      }
       for (int n = 0; n < num_dofs_; ++n) {
         if (!pinned(n, f)) continue;
         block.row(n).setZero();
@@ -138,7 +145,10 @@ class ArrowSystem {
               (m == n ? weights_[n] : 0.0) - weights_[m] * inverse(m, n) * weights_[n];
         }
       }
-      step->col(f).noalias() = -inverse * gradients.col(f);
+      step->col(f).noalias() = inverse * descent;
+      for (int n = 0; n < num_dofs_; ++n) {
+        if (pinned(n, f)) (*step)(n, f) = pinned_step(n, f);
+      }
       rhs.noalias() += basis_.col(f) * (weights_.cwiseProduct(step->col(f))).transpose();
     }
     const Eigen::MatrixXd blocks = products_ * packed_;
@@ -181,13 +191,38 @@ class ArrowSystem {
  public:
   std::vector<Eigen::MatrixXd> hessians;                      // F of N x N: the data terms
   Eigen::MatrixXd gradients;                                  // N x F
-  Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> pinned;  // N x F: at a bound, held there
+  Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> pinned;  // N x F: ends at a bound
+  Eigen::MatrixXd pinned_step;                                // N x F: the way to that bound
 
  private:
   std::vector<Eigen::MatrixXd> inverses_;
   Eigen::MatrixXd packed_;    // F x N(N+1)/2
   Eigen::MatrixXd products_;  // K(K+1)/2 x F
 };
+
+// The damped step with the dofs that would leave their bounds ending there instead, and the others
+// solved again around them: clipping alone would break the trajectory out of the subspace.
+bool SolveWithinBounds(const Eigen::MatrixXd& s, const Eigen::VectorXd& lower,
+                       const Eigen::VectorXd& upper, double damping, ArrowSystem* system,
+                       Eigen::MatrixXd* step) {
+  for (int round = 0;; ++round) {
+    if (!system->Solve(damping, step)) return false;
+    if (round == kMaxBoundRounds) return true;
+    bool changed = false;
+    for (int f = 0; f < s.cols(); ++f) {
+      for (int n = 6; n < s.rows(); ++n) {
+        const double end = s(n, f) + (*step)(n, f);
+        if (system->pinned(n, f) ||
+            (end >= lower[n] - kBoundSlack && end <= upper[n] + kBoundSlack)) {
+          continue;
+        }
+        system->pinned(n, f) = changed = true;
+        system->pinned_step(n, f) = (end < lower[n] ? lower[n] : upper[n]) - s(n, f);
+      }
+    }
+    if (!changed) return true;
+  }
+}
 
 }  // namespace
 
@@ -252,11 +287,14 @@ SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& op
     }
     ++summary.iterations;
     double trial_cost = kInfinity;
-    if (system.Solve(damping, &step)) {
+    const auto pinned = system.pinned;
+    system.pinned_step.setZero();
+    if (SolveWithinBounds(current.s, lower, upper, damping, &system, &step)) {
       trial.s = current.s + step;
       clamp(&trial.s);
       trial_cost = trial.Evaluate(&scratch);
     }
+    system.pinned = pinned;
     if (trial_cost < cost) {
       const double decrease = (cost - trial_cost) / cost;
       current.Swap(&trial);

@@ -1,0 +1,179 @@
+// The batch problem: E_d and its two forms, the product solver beside the Ceres oracle.
+#include "mpc/pose/batch_solver.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+#include <string>
+
+#include "mpc/pose/batch_oracle.h"
+#include "mpc/pose/root_chart.h"
+#include "pose/synthetic_batch.h"
+
+namespace mpc {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using testing::MakeBatch;
+using testing::MotionInCamera;
+using testing::SyntheticBatch;
+using testing::Terms;
+
+// A batch without any data: its cost is E_d alone.
+BatchProblem EmptyBatch(int num_frames, int basis_size) {
+  BatchProblem problem;
+  problem.skeleton = DefaultSkeleton();
+  problem.frames.resize(num_frames);
+  problem.basis = DctBasis(basis_size, num_frames);
+  problem.smoothness = VectorXd::LinSpaced(problem.skeleton.num_dofs(), 0.5, 40);
+  problem.band_penalty.setZero(basis_size);
+  return problem;
+}
+
+MatrixXd RandomPoses(int num_frames, unsigned seed) {
+  std::mt19937 rng(seed);
+  std::normal_distribution<double> normal(0, 0.3);
+  MatrixXd poses(DefaultSkeleton().num_dofs(), num_frames);
+  for (double& x : poses.reshaped()) x = normal(rng);
+  return poses;
+}
+
+// S of the header: poses with the root in chart coordinates.
+MatrixXd InChart(const MatrixXd& poses) {
+  std::vector<Eigen::Matrix3d> rotations;
+  for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    rotations.push_back(ExpSO3(poses.col(f).segment<3>(3)));
+  }
+  MatrixXd s = poses;
+  s.middleRows<3>(3) = RootChart(rotations).Coordinates(rotations);
+  return s;
+}
+
+TEST(BatchCostTest, IsTheNullSpaceFormOfThePaper) {
+  for (const int num_frames : {2, 7, 50}) {
+    const int basis_size = std::min(8, num_frames);
+    const BatchProblem problem = EmptyBatch(num_frames, basis_size);
+    const MatrixXd poses = RandomPoses(num_frames, 3);
+    const MatrixXd outside = InChart(poses) * BasisComplement(problem.basis).transpose();
+    const double expected = (problem.smoothness.cwiseSqrt().asDiagonal() * outside).squaredNorm();
+    EXPECT_NEAR(BatchCost(problem, poses), expected, 1e-12 * (1 + expected)) << num_frames;
+  }
+}
+
+TEST(BatchCostTest, IsTheMinimumOverCoefficients) {
+  const BatchProblem problem = EmptyBatch(50, 8);
+  const MatrixXd poses = RandomPoses(50, 4);
+  const MatrixXd s = InChart(poses);
+  const auto cost = [&](const MatrixXd& c) {
+    const MatrixXd rest = problem.smoothness.cwiseSqrt().asDiagonal() * (s - c * problem.basis);
+    return rest.squaredNorm();
+  };
+  const MatrixXd best = s * problem.basis.transpose();
+  EXPECT_NEAR(BatchCost(problem, poses), cost(best), 1e-12 * cost(best));
+  for (unsigned seed = 0; seed < 5; ++seed) {
+    EXPECT_GT(cost(best + 0.01 * RandomPoses(8, seed)), cost(best));
+  }
+}
+
+TEST(BatchCostTest, BandPenaltyIsTheMinimumOverShrunkCoefficients) {
+  BatchProblem problem = EmptyBatch(30, 6);
+  problem.band_penalty << 0, 0.1, 0.3, 0.5, 0.9, 0.999;
+  const MatrixXd poses = RandomPoses(30, 5);
+  const MatrixXd s = InChart(poses);
+  const VectorXd kept = 1 - problem.band_penalty.array();
+  const VectorXd band = problem.band_penalty.array() / kept.array();
+  const MatrixXd c = s * problem.basis.transpose() * kept.asDiagonal();
+  const MatrixXd weight = problem.smoothness.cwiseSqrt().asDiagonal();
+  const double expected = (weight * (s - c * problem.basis)).squaredNorm() +
+                          (weight * c * band.cwiseSqrt().asDiagonal()).squaredNorm();
+  EXPECT_NEAR(BatchCost(problem, poses), expected, 1e-12 * expected);
+}
+
+TEST(BatchCostTest, ConstantPosesCostNothing) {
+  const BatchProblem problem = EmptyBatch(50, 8);
+  const MatrixXd poses = RandomPoses(1, 6).replicate(1, 50);
+  EXPECT_LT(BatchCost(problem, poses), 1e-10);
+}
+
+TEST(BatchCostTest, OutsideTheDomainIsInfinite) {
+  SyntheticBatch batch =
+      MakeBatch(MotionInCamera(DefaultSkeleton(), MotionKind::kWalk, 10, 30), 30, Terms::kOurs, 1);
+  ASSERT_TRUE(std::isfinite(BatchCost(batch.problem, batch.truth)));
+  batch.truth(2, 4) = -2;  // behind the camera
+  EXPECT_TRUE(std::isinf(BatchCost(batch.problem, batch.truth)));
+  const MatrixXd before = batch.truth;
+  EXPECT_EQ(SolveBatch(batch.problem, {}, &batch.truth).termination, Termination::kFailed);
+  EXPECT_LT((batch.truth - before).topRows<3>().norm(), 1e-12);
+  EXPECT_EQ(SolveBatchCeres(batch.problem, {}, &batch.truth).termination, Termination::kFailed);
+}
+
+struct TwinCase {
+  const char* name;
+  MotionKind motion;
+  Terms terms;
+  double bend;  // added to all angles of the truth: beyond the bounds where they are near
+
+  friend std::ostream& operator<<(std::ostream& os, const TwinCase& c) { return os << c.name; }
+};
+
+class BatchSolverTest : public ::testing::TestWithParam<TwinCase> {
+ protected:
+  SyntheticBatch Batch() const {
+    MatrixXd poses = MotionInCamera(DefaultSkeleton(), GetParam().motion, 24, 15);
+    poses.bottomRows(poses.rows() - 6).array() += GetParam().bend;
+    // Everywhere with a rest prior: dofs that nothing observes need not end alike.
+    return MakeBatch(poses, 15, GetParam().terms, 7, /*rest_weight=*/30);
+  }
+};
+
+TEST_P(BatchSolverTest, ReachesTheCostOfTheOracle) {
+  const SyntheticBatch batch = Batch();
+  MatrixXd product = batch.start;
+  MatrixXd oracle = batch.start;
+  const SolveSummary fast =
+      SolveBatch(batch.problem, {.max_iterations = 200, .relative_tolerance = 1e-7}, &product);
+  const SolveSummary ceres = SolveBatchCeres(batch.problem, {}, &oracle);
+  EXPECT_NEAR(fast.initial_cost, ceres.initial_cost, 1e-9 * ceres.initial_cost);
+  EXPECT_LT(fast.final_cost, 0.5 * fast.initial_cost);
+  EXPECT_NEAR(fast.final_cost, ceres.final_cost, 1e-3 * ceres.final_cost);
+  if (GetParam().bend == 0) return;
+  int active = 0;
+  for (int f = 0; f < product.cols(); ++f) {
+    active += static_cast<int>(
+        (product.col(f).array() <= batch.problem.skeleton.LowerBounds().array()).count());
+  }
+  EXPECT_GT(active, 10);
+}
+
+TEST_P(BatchSolverTest, NeverGetsWorseAndStaysInBounds) {
+  const SyntheticBatch batch = Batch();
+  MatrixXd poses = batch.start;
+  double before = std::numeric_limits<double>::infinity();
+  for (const int iterations : {1, 2, 5, 30}) {
+    poses = batch.start;
+    const SolveSummary summary = SolveBatch(batch.problem, {.max_iterations = iterations}, &poses);
+    EXPECT_LE(summary.final_cost, summary.initial_cost);
+    EXPECT_LE(summary.final_cost, before);
+    before = summary.final_cost;
+    for (int f = 0; f < poses.cols(); ++f) {
+      EXPECT_TRUE((poses.col(f).array() >= batch.problem.skeleton.LowerBounds().array()).all());
+      EXPECT_TRUE((poses.col(f).array() <= batch.problem.skeleton.UpperBounds().array()).all());
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Motions, BatchSolverTest,
+    ::testing::Values(TwinCase{"walk_paper", MotionKind::kWalk, Terms::kPaper, 0},
+                      TwinCase{"walk_ours", MotionKind::kWalk, Terms::kOurs, 0},
+                      TwinCase{"two_turns_paper", MotionKind::kTurn, Terms::kPaper, 0},
+                      TwinCase{"two_turns_ours", MotionKind::kTurn, Terms::kOurs, 0},
+                      TwinCase{"bounds_paper", MotionKind::kReach, Terms::kPaper, -0.4},
+                      TwinCase{"bounds_ours", MotionKind::kReach, Terms::kOurs, -0.4},
+                      TwinCase{"roll_ours", MotionKind::kRoll, Terms::kOurs, 0}),
+    [](const auto& test) { return std::string(test.param.name); });
+
+}  // namespace
+}  // namespace mpc

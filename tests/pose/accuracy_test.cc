@@ -1,8 +1,8 @@
 // Accuracy on performances with known truth, over motions and dice. Default settings throughout.
 #include <gtest/gtest.h>
 
+#include <cstdio>
 #include <string>
-#include <tuple>
 
 #include "mpc/pose/frame_initializer.h"
 #include "pose/synthetic_clip.h"
@@ -66,6 +66,29 @@ TEST_P(AccuracyTest, WhiteNoise) {
 }
 
 TEST_P(AccuracyTest, MeasuredErrors) { Check(DetectionNoise::Measured(), GetParam().measured_mm); }
+
+// The third frame after a second in which nothing was seen, beside the same frame of the same dice
+// without the gap.
+TEST(OcclusionTest, ErrorsAreBackByTheThirdVisibleFrame) {
+  double unoccluded = 0, occluded = 0;
+  constexpr int kSeeds = 10;
+  for (const MotionKind motion : {MotionKind::kWalk, MotionKind::kReach}) {
+    for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+      DetectionNoise noise = DetectionNoise::White(5, 30, 0, 0);
+      const SyntheticClip whole = MakeClip(motion, 75, kFps, noise, seed);
+      noise.gaps = {{25, 55}};
+      const SyntheticClip part = MakeClip(motion, 75, kFps, noise, seed);
+      const auto error = [](const SyntheticClip& clip) {
+        const PoseTrack track = testing::Estimate(clip, testing::PlainOptions());
+        return FrameErrors(clip, clip.skeleton, track.poses)[57] / (2 * kSeeds);
+      };
+      unoccluded += error(whole);
+      occluded += error(part);
+    }
+  }
+  std::printf("third visible frame: %.1f mm, without the gap %.1f mm\n", occluded, unoccluded);
+  EXPECT_LE(occluded, 1.1 * unoccluded);
+}
 
 INSTANTIATE_TEST_SUITE_P(
     Motions, AccuracyTest,

@@ -109,6 +109,34 @@ TEST(BatchCostTest, OutsideTheDomainIsInfinite) {
   EXPECT_EQ(SolveBatchCeres(batch.problem, {}, &batch.truth).termination, Termination::kFailed);
 }
 
+// Without damping one step solves a quadratic problem: hinges at rest angles of their own per frame,
+// tied by E_d with a soft band.
+TEST(BatchStepTest, SolvesAQuadraticProblemAtOnce) {
+  BatchProblem problem = EmptyBatch(20, 6);
+  problem.band_penalty << 0, 0.1, 0.3, 0.5, 0.9, 0.999;
+  std::mt19937 rng(6);
+  std::uniform_real_distribution<double> share(0.4, 0.6);
+  MatrixXd poses = MatrixXd::Zero(problem.skeleton.num_dofs(), 20);
+  const int num_hinges = static_cast<int>(problem.skeleton.hinges.size());
+  for (int f = 0; f < 20; ++f) {
+    VectorXd rest(num_hinges);
+    for (int h = 0; h < num_hinges; ++h) {
+      const Hinge& hinge = problem.skeleton.hinges[h];
+      rest[h] = hinge.min_rad + share(rng) * (hinge.max_rad - hinge.min_rad);
+    }
+    problem.frames[f].rest_prior = RestPriorEnergy(rest, VectorXd::Constant(num_hinges, 3));
+    poses.col(f).tail(num_hinges) = rest;
+  }
+  MatrixXd one = poses;
+  MatrixXd many = poses;
+  const double after_one =
+      SolveBatch(problem, {.max_iterations = 1, .initial_damping = 1e-12}, &one).final_cost;
+  const SolveSummary best =
+      SolveBatch(problem, {.max_iterations = 50, .relative_tolerance = 1e-14}, &many);
+  EXPECT_LT(best.final_cost, 0.9 * best.initial_cost);
+  EXPECT_NEAR(after_one, best.final_cost, 1e-7 * best.final_cost);
+}
+
 struct TwinCase {
   const char* name;
   MotionKind motion;
@@ -121,7 +149,7 @@ struct TwinCase {
 class BatchSolverTest : public ::testing::TestWithParam<TwinCase> {
  protected:
   SyntheticBatch Batch() const {
-    MatrixXd poses = MotionInCamera(DefaultSkeleton(), GetParam().motion, 24, 15);
+    MatrixXd poses = MotionInCamera(DefaultSkeleton(), GetParam().motion, 16, 15);
     poses.bottomRows(poses.rows() - 6).array() += GetParam().bend;
     // Everywhere with a rest prior: dofs that nothing observes need not end alike.
     return MakeBatch(poses, 15, GetParam().terms, 7, /*rest_weight=*/30);

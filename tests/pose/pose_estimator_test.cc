@@ -105,24 +105,6 @@ TEST(PoseEstimatorTest, AGapOfASecondIsInterpolatedAndSaysSo) {
   }
 }
 
-TEST(PoseEstimatorTest, ErrorsAreBackAfterASecondOfOcclusion) {
-  // The mean over a few dice: one frame's error is too random to compare.
-  double unoccluded = 0, occluded = 0;
-  for (uint64_t seed = 0; seed < 2; ++seed) {
-    DetectionNoise noise = DetectionNoise::White(5, 60, 0, 0);
-    const SyntheticClip whole = MakeClip(MotionKind::kWalk, 50, 30, noise, seed);
-    noise.gaps = {{10, 40}};
-    const SyntheticClip part = MakeClip(MotionKind::kWalk, 50, 30, noise, seed);
-    unoccluded += FrameErrors(whole, whole.skeleton, Estimate(whole, PlainOptions()).poses)
-                      .segment(42, 3)
-                      .mean();
-    occluded += FrameErrors(part, part.skeleton, Estimate(part, PlainOptions()).poses)
-                    .segment(42, 3)
-                    .mean();
-  }
-  EXPECT_LT(occluded, 1.1 * unoccluded);
-}
-
 TEST(PoseEstimatorTest, APersonLeavingThePictureIsTrackedBeforeAndAfter) {
   SyntheticClip clip = MakeClip(MotionKind::kWalk, 80, 30, {}, 7);
   for (int f = 0; f < 80; ++f) clip.poses(0, f) += std::max(0.0, 4.0 - std::abs(f - 40) * 0.2);

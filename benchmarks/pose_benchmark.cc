@@ -26,8 +26,8 @@ constexpr int kFrames = 50;
 constexpr double kFps = 30;
 constexpr double kTolerance = 1e-5;  // relative, of all batch solvers
 
-// Half a walk, started from the frames' own solutions, and the cost that all solvers must reach. The
-// bounds are wide enough not to matter: plain Ceres stalls at active ones and would not get there.
+// Half a walk, started from the frames' own solutions, and the cost that all solvers must reach.
+// The bounds are wide enough not to matter: plain Ceres stalls at active ones.
 struct Batch {
   explicit Batch(Terms terms)
       : synthetic(testing::MakeBatch(

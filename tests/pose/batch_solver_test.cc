@@ -109,8 +109,8 @@ TEST(BatchCostTest, OutsideTheDomainIsInfinite) {
   EXPECT_EQ(SolveBatchCeres(batch.problem, {}, &batch.truth).termination, Termination::kFailed);
 }
 
-// Without damping one step solves a quadratic problem: hinges at rest angles of their own per frame,
-// tied by E_d with a soft band.
+// Without damping one step solves a quadratic problem: hinges at rest angles of their own per
+// frame, tied by E_d with a soft band.
 TEST(BatchStepTest, SolvesAQuadraticProblemAtOnce) {
   BatchProblem problem = EmptyBatch(20, 6);
   problem.band_penalty << 0, 0.1, 0.3, 0.5, 0.9, 0.999;
@@ -165,7 +165,8 @@ TEST_P(BatchSolverTest, ReachesTheCostOfTheOracle) {
   const SolveSummary ceres = SolveBatchCeres(batch.problem, {}, &oracle);
   EXPECT_NEAR(fast.initial_cost, ceres.initial_cost, 1e-9 * ceres.initial_cost);
   EXPECT_LT(fast.final_cost, 0.5 * fast.initial_cost);
-  EXPECT_NEAR(fast.final_cost, ceres.final_cost, 1e-3 * ceres.final_cost);
+  // Neither may be worse: with bounds they can end in different minima, and ours in the lower one.
+  EXPECT_LE(fast.final_cost, 1.001 * ceres.final_cost);
   if (GetParam().bend == 0) return;
   int active = 0;
   for (int f = 0; f < product.cols(); ++f) {

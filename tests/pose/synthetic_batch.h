@@ -126,8 +126,8 @@ struct SyntheticBatch {
   Eigen::MatrixXd start;  // N x F: truth plus slow errors
 };
 
-// The batch of a motion given in the camera frame. rest_weight >= 0 replaces the rest prior's weight
-// of the terms: the paper has none, which leaves some dofs free.
+// The batch of a motion given in the camera frame. rest_weight >= 0 replaces the rest prior's
+// weight of the terms: the paper has none, which leaves some dofs free.
 inline SyntheticBatch MakeBatch(const Eigen::MatrixXd& poses, double fps, Terms terms,
                                 unsigned seed, double rest_weight = -1) {
   std::mt19937 rng(seed);

@@ -21,6 +21,7 @@ constexpr double kNoiseCost = kError2dMm * kError2dMm / kNumPaperJoints;
 constexpr double kErrorSpread = 1.3;
 constexpr double kMinError3dMm = 20;
 constexpr double kMaxError3dMm = 100;
+constexpr double kWhiteRestDiscount = 0.5;
 constexpr int kErrorFrames = 60;  // frames the 3D detections' error is measured on
 constexpr double kNoPck = 1e3;    // PCK of a frame that cannot be compared
 
@@ -123,6 +124,12 @@ Posture FindPosture(std::string_view hinge_name) {
   return {"", 0, 30};
 }
 
+double Median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
 // Joint positions of the rescaled detection, chained along the bones from the first one seen.
 struct ChainedJoints {
   std::vector<int> joints;  // indices into Skeleton::joints
@@ -189,8 +196,10 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
     bones_.push_back(
         {a, b, (rest.joints.col(b) - rest.joints.col(a)).norm(), IsRigid(skeleton_, a, b)});
   }
-  error_3d_mm_ = options.error_3d_mm > 0 ? options.error_3d_mm : kMaxError3dMm;
-  if (detections3d != nullptr && options.error_3d_mm == 0) error_3d_mm_ = MeasureError3d();
+  error_3d_mm_ = options.error_3d_mm;
+  depth_error_ratio_ = options.depth_error_ratio;
+  if (detections3d != nullptr && options.error_3d_mm == 0) MeasureError3d();
+  rest_weights_ *= rest_share_;
 }
 
 // Position of a detected 3D joint; the pelvis may come from the hips.
@@ -350,28 +359,65 @@ void ClipEvidence::MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camer
       trust[i] = 1 / (1 + relative * relative);
     }
   }
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::nth_element(errors.begin(), middle, errors.end());
   // A few outliers must not switch a frame's 3D off: the median in place of the mean.
-  const double error_px = robust ? *middle
+  const double error_px = robust ? Median(&errors)
                                  : std::accumulate(errors.begin(), errors.end(), 0.0) /
                                        static_cast<double>(errors.size());
   observation->pck = error_px / torso_px;
-  observation->error_mm = error_px * 1000 * translation.z() * 2 / (camera_.fx + camera_.fy);
+  observation->mm_per_px = 1000 * translation.z() * 2 / (camera_.fx + camera_.fy);
+  observation->error_mm = error_px * observation->mm_per_px;
 }
 
-// Median over a spread of frames, kept in a sensible range.
-double ClipEvidence::MeasureError3d() const {
+// How the 3D detections of this clip err. Across the ray: the median distance from the 2D. Errors
+// that last for seconds (a network's) do not average out over frames, and along the ray nothing
+// measures them: options.depth_error_ratio. Errors that change from frame to frame show in second
+// differences, beyond those of the 2D detections, along the ray too; so far as the error is of that
+// kind its measured ratio counts, and the rest prior, which does not average out either, weighs less.
+void ClipEvidence::MeasureError3d() {
   std::vector<double> errors;
+  std::vector<double> across2;  // squared second differences of joints, mm^2
+  std::vector<double> along2;
+  std::vector<double> pixels2;
   const int step = std::max(1, num_frames() / kErrorFrames);
   for (int f = 0; f < num_frames(); f += step) {
     const FrameObservation observation = Observe(f);
-    if (observation.use_3d) errors.push_back(observation.error_mm);
+    if (!observation.use_3d) continue;
+    errors.push_back(observation.error_mm);
+    if (f == 0 || f + 1 == num_frames()) continue;
+    for (size_t i = 0; i < detections2d_.joints.size(); ++i) {
+      const int column = column3d_[static_cast<int>(detections2d_.joints[i])];
+      if (column < 0) continue;
+      bool seen = true;
+      for (const int g : {f - 1, f, f + 1}) {
+        seen = seen && detections2d_.frames[g].confidence[i] > 0 &&
+               detections3d_->frames[g].confidence[column] > 0;
+      }
+      if (!seen) continue;
+      const auto x = [&](int g) { return detections3d_->frames[g].positions.col(column); };
+      const auto u = [&](int g) { return detections2d_.frames[g].pixels.col(i); };
+      const Eigen::Vector3d bend = 1000 * observation.scale_3d * (x(f - 1) - 2 * x(f) + x(f + 1));
+      const Eigen::Vector2d bend_2d = observation.mm_per_px * (u(f - 1) - 2 * u(f) + u(f + 1));
+      across2.push_back(bend.head<2>().squaredNorm());
+      along2.push_back(bend.z() * bend.z());
+      pixels2.push_back(bend_2d.squaredNorm());
+    }
   }
-  if (errors.empty()) return kMaxError3dMm;
-  const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-  std::nth_element(errors.begin(), middle, errors.end());
-  return std::clamp(kErrorSpread * *middle, kMinError3dMm, kMaxError3dMm);
+  error_3d_mm_ = kMaxError3dMm;
+  depth_error_ratio_ = options_.depth_error_ratio;
+  if (errors.empty()) return;
+  const double error_mm = Median(&errors);
+  error_3d_mm_ = std::clamp(kErrorSpread * error_mm, kMinError3dMm, kMaxError3dMm);
+  if (across2.empty()) return;
+  // Medians of |x|^2 for unit normals: 1.386 in two dimensions, 0.455 in one; a second difference of
+  // white noise has six times its variance.
+  const double motion2 = Median(&pixels2) / 1.386 / 6;
+  const double white_across2 = std::max(0.0, Median(&across2) / 1.386 / 6 - motion2);
+  const double white_along2 = std::max(0.0, Median(&along2) / 0.455 / 6 - motion2);
+  const double share = std::min(1.0, 1.386 * white_across2 / std::max(1.0, error_mm * error_mm));
+  const double white_ratio = std::sqrt(white_along2 / std::max(1e-6, white_across2));
+  depth_error_ratio_ = (1 - share) * options_.depth_error_ratio +
+                       share * std::clamp(white_ratio, 0.5, options_.depth_error_ratio);
+  rest_share_ = 1 - kWhiteRestDiscount * share;
 }
 
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,
@@ -398,7 +444,7 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     }
     BoneVectorWeights weights;
     weights.across = kError2dMm / error_3d_mm_;
-    weights.along = weights.across / options_.depth_error_ratio;
+    weights.along = weights.across / depth_error_ratio_;
     weights.robust_scale = loss_width * options_.robust_3d;
     problem.bone_vectors = BoneVectorEnergy(std::move(vectors), rotation, weights);
   } else if (observation.use_3d) {

@@ -34,9 +34,10 @@ struct FrameObservation {
   std::vector<double> bone_confidence;
   double scale_3d = 1;  // the actor's lengths over the detected ones
   Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
-  double error_mm = 0;  // that error at the person, per joint in the middle
-  double pck = 1e3;     // PCK_f: 2D error of the projected 3D detection over the torso's length
-  bool use_3d = false;  // w_f
+  double mm_per_px = 0;  // at the person, from t_f
+  double error_mm = 0;   // that error at the person, per joint in the middle
+  double pck = 1e3;      // PCK_f: 2D error of the projected 3D detection over the torso's length
+  bool use_3d = false;   // w_f
 };
 
 class ClipEvidence {
@@ -64,7 +65,7 @@ class ClipEvidence {
                   double* confidence) const;
   void MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
                   FrameObservation* observation) const;
-  double MeasureError3d() const;
+  void MeasureError3d();
 
   Skeleton skeleton_;
   Camera camera_;
@@ -73,6 +74,8 @@ class ClipEvidence {
   const PoseOptions& options_;
   std::vector<EvidenceBone> bones_;
   double error_3d_mm_ = 0;        // typical error of the 3D detections across the ray
+  double depth_error_ratio_ = 1;  // and along the ray over that
+  double rest_share_ = 1;         // of the rest prior's weight, see MeasureError3d
   Eigen::VectorXd rest_weights_;  // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
   std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there

@@ -19,6 +19,7 @@ constexpr double kEvidenceSeconds = 0.25;
 // Cost of one frame's detections that are off by their typical error, 20 mm; see pose_options.h.
 constexpr double kNoiseCost = 20.0 * 20.0 / kNumPaperJoints;
 constexpr double kSpeed = 2.0;    // m/s of a joint relative to the torso that costs 1
+constexpr double kJitter = 0.05;  // m; detections move by as much without meaning it
 constexpr double kMaxJump = 0.5;  // m; longer jumps cost no more
 
 // A limb as a skeleton of its own: the root is the torso segment it hangs on.
@@ -79,8 +80,8 @@ struct Candidate {
 };
 using Candidates = std::array<Candidate, kNumCandidates>;
 
-// The limb's bones as they are posed, with the ray component of the bones at `depth` from the torso
-// reversed where `mask` has that bit.
+// The limb's bones as they are posed, with the ray component of the upper bone reversed where `mask`
+// has bit 0, of the lower bone where it has bit 1.
 BoneVectorEnergy MirroredBones(const Limb& limb, const FrameProblem& problem,
                                const Eigen::Matrix3Xd& joints,
                                const Eigen::Matrix3d& camera_from_ray, int mask) {
@@ -166,7 +167,7 @@ class LimbFitter {
 };
 
 double TransitionCost(const Candidate& a, const Candidate& b, double seconds) {
-  const double reach = kSpeed * seconds;
+  const double reach = std::hypot(kSpeed * seconds, kJitter);
   double cost = 0;
   for (int j = 0; j < a.joints.cols(); ++j) {
     const double jump = std::min(kMaxJump, (a.joints.col(j) - b.joints.col(j)).norm());

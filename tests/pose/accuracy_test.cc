@@ -92,7 +92,7 @@ TEST(OcclusionTest, ErrorsAreBackByTheThirdVisibleFrame) {
 
 INSTANTIATE_TEST_SUITE_P(
     Motions, AccuracyTest,
-    ::testing::Values(Bounds{MotionKind::kWalk, 29, 50}, Bounds{MotionKind::kSquat, 91, 74},
+    ::testing::Values(Bounds{MotionKind::kWalk, 29, 50}, Bounds{MotionKind::kSquat, 91, 50},
                       Bounds{MotionKind::kTurn, 30, 50}, Bounds{MotionKind::kReach, 38, 50},
                       Bounds{MotionKind::kRoll, 31, 50}),
     [](const auto& test) { return std::string(MotionName(test.param.motion)); });

@@ -21,8 +21,6 @@ constexpr double kStep = 1e-4;  // of the difference quotient in log scale; join
 constexpr double kPriorSigma = 0.08;
 // A detector's errors last for a second: a clip's frames count as this many independent ones.
 constexpr double kIndependentFrames = 10;
-// Cost of one frame's detections that are off by their typical error, 20 mm; see pose_options.h.
-constexpr double kNoiseCost = 20.0 * 20.0 / kNumPaperJoints;
 
 Proportions FromLog(const PartVector& log_scale) {
   Proportions proportions;

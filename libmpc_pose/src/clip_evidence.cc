@@ -14,9 +14,6 @@ namespace {
 using enum JointId;
 
 constexpr double kDegree = std::numbers::pi / 180;
-// Cost of one joint's detections that are off by their typical error, 20 mm; see pose_options.h.
-constexpr double kError2dMm = 20;
-constexpr double kNoiseCost = kError2dMm * kError2dMm / kNumPaperJoints;
 // From the median length of the error to its root mean square.
 constexpr double kErrorSpread = 1.3;
 constexpr double kMinError3dMm = 20;

@@ -25,9 +25,8 @@ constexpr double kWideLoss = 3;
 // Exchanged sides, or a jump to another facing, must explain the frame this much better.
 constexpr double kJumpPenalty = 1.5;
 // Speeds a tracked pose may change with, at the price of one typical detection error (20 mm).
-constexpr double kTrackSpeed = 1.5;    // m/s
-constexpr double kTrackTurnSpeed = 4;  // rad/s
-constexpr double kNoiseCost = 20.0 * 20.0 / kNumPaperJoints;
+constexpr double kTrackSpeed = 1.5;                // m/s
+constexpr double kTrackTurnSpeed = 4;              // rad/s
 constexpr double kMaxTrackCost = 60 * kNoiseCost;  // a jump costs no more than this
 
 // Pelvis orientation of the 3D detection: left from hips and shoulders, up towards the shoulders.

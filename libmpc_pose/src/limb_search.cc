@@ -16,8 +16,6 @@ namespace {
 constexpr int kNumCandidates = 5;  // as is, three mirrored combinations, as detected
 // A detector's errors last: evidence of this many seconds counts as one independent observation.
 constexpr double kEvidenceSeconds = 0.25;
-// Cost of one frame's detections that are off by their typical error, 20 mm; see pose_options.h.
-constexpr double kNoiseCost = 20.0 * 20.0 / kNumPaperJoints;
 constexpr double kSpeed = 2.0;    // m/s of a joint relative to the torso that costs 1
 constexpr double kJitter = 0.05;  // m; detections move by as much without meaning it
 constexpr double kMaxJump = 0.5;  // m; longer jumps cost no more

@@ -15,6 +15,11 @@
 
 namespace mpc {
 
+// Typical error of a 2D detection at the person, and the cost of one joint that is off by it: the
+// scale on which priors are weighed against detections.
+inline constexpr double kError2dMm = 20;
+inline constexpr double kNoiseCost = kError2dMm * kError2dMm / kNumPaperJoints;
+
 // A bone between two observed joints and its length in the skeleton at rest.
 struct EvidenceBone {
   int a = 0;  // indices into Skeleton::joints; a nearer the root

@@ -1,0 +1,95 @@
+// Purpose: the actor's silhouette in a picture, from the masks of the posed model.
+// Source: paper, Section 5.1 (GrabCut with a model-made trimap and motion cue); Rother et al.,
+// "GrabCut", 2004. What differs from both, and why: docs/segmentation.md.
+// Frames: pictures, pixel centres at integers. Units: pixels, natural logarithms of probabilities.
+// Symbols: M mask of the actor's mesh, R mask of its skeleton.
+//
+// The minimum of
+//   E(L) = sum_p U_p(L_p) + sum_pq [L_p != L_q] / |p - q|
+//          (gamma exp(-beta |I_p - I_q|^2) + gamma_m exp(-beta_m (|D_p|^2 + |D_q|^2) / 2))
+// over the unknown pixels of the trimap: U colour models, I colours, D change of the colour since
+// the previous picture, background motion taken out.
+#pragma once
+
+#include <opencv2/core.hpp>
+#include <optional>
+
+#include "mpc/seg/trimap.h"
+
+namespace mpc {
+
+struct SegmentationOptions {
+  // Trimap, in parts of the actor's size (ActorSizePx).
+  double erode = 0.09;        // radius of the erosion of M; ours
+  double dilate = 0.13;       // radius of the dilation of M; ours
+  bool clip_skeleton = true;  // take R only inside M; false: literally Eq. 9
+
+  // Energy.
+  double gamma = 50;         // contrast; GrabCut
+  double gamma_motion = 20;  // motion cue, 0 turns it off; ours, at most gamma / 2
+  double weight_shape = 3;   // trust in M: log-odds at the border of the band, 0: none; ours
+  double weight_person = 1;  // factor on the log-odds of FrameInput::person_probability; ours
+  int num_components = 5;    // Gaussians per colour model, 1 to 16; GrabCut
+
+  // Solution.
+  int num_rounds = 1;  // of colour models and cut, >= 1; GrabCut: 5
+  bool coarse_to_fine =
+      true;  // solve small, then only around the outline; false: whole crop at once
+  bool eight_connected = false;  // neighbours; GrabCut: true
+  bool clean = true;             // remove islands and small holes
+  // Estimate the background's motion between the pictures, for the motion cue. false: static camera.
+  bool estimate_background_motion = true;
+
+  // GrabCut's full energy over the whole crop, 5 rounds, the literal trimap, and the motion cue.
+  static SegmentationOptions Paper();
+
+  // Throws Error (kInvalidArgument) naming every fault.
+  void Validate() const;
+};
+
+// Pictures are CV_8UC3 (BGR); CV_8UC1, CV_8UC4 and CV_16U of 1, 3 or 4 channels are converted.
+struct FrameInput {
+  cv::Mat picture;
+  cv::Mat previous;  // the picture before it (for the first frame: the next); empty: no motion cue
+  cv::Mat model_mask;          // M, CV_8U, nonzero inside
+  cv::Mat skeleton_mask;       // R, CV_8U; empty: none
+  cv::Mat person_probability;  // CV_8U (0..255) or CV_32F (0..1), such as a network's; empty: none
+  // The background's motion where it is known, else estimated when the options say so.
+  std::optional<cv::Matx33d> previous_from_current;
+  // ActorSizePx of the whole actor, when M shows only a part of it; 0: that of M.
+  double actor_size_px = 0;
+};
+
+enum class SilhouetteState {
+  kCut,           // the minimum of the energy
+  kAmbiguous,     // actor and background have the same colours, or the cut collapsed: M itself
+  kNoBackground,  // nothing of the background is seen near the actor: M itself
+  kNoModel,       // M is empty: so is the mask
+  kExternal,      // given from outside
+};
+
+// Short lower-case name, such as "cut".
+const char* SilhouetteStateName(SilhouetteState state);
+
+struct Silhouette {
+  cv::Mat mask;  // CV_8U of the picture's size: 255 inside, 0 outside
+  cv::Rect roi;  // contains every pixel that is not 0
+  SilhouetteState state = SilhouetteState::kNoModel;
+  // How well colours told actor and background apart near the outline: 0 not at all, 1 everywhere.
+  double confidence = 0;
+  double model_iou = 0;        // intersection over union of mask and M
+  bool motion_cue = false;     // the motion cue was used
+  bool camera_motion = false;  // a motion of the background was taken out
+  cv::Matx33d previous_from_current = cv::Matx33d::eye();  // that motion
+};
+
+// Deterministic; safe to call from several threads. Any content of the pictures and masks gives a
+// defined result (see SilhouetteState). Throws Error (kInvalidArgument, kMismatch, kUnsupported) for
+// missing or unsupported matrices, sizes that differ, and options out of range.
+Silhouette ExtractSilhouette(const FrameInput& frame, const SegmentationOptions& options = {});
+
+// A mask made elsewhere in place of the stage: nonzero (above 127 where it is grey) is inside.
+// CV_8U with 1, 3 or 4 channels, of size `picture_size`; throws Error otherwise.
+Silhouette SilhouetteFromMask(const cv::Mat& mask, const cv::Size& picture_size);
+
+}  // namespace mpc

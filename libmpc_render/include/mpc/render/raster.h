@@ -37,12 +37,18 @@ void RasterizeMesh(const Camera& camera, const Eigen::Matrix3Xf& positions_in_ca
                    const Triangles& triangles, const RasterOptions& options,
                    RasterBuffers* buffers);
 
+// Picks AVX2 at run time where the machine has it; the plain twin gives the same bits.
+void RasterizeMeshScalar(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                         const Triangles& triangles, const RasterOptions& options,
+                         RasterBuffers* buffers);
+
 // The same for limbs: the convex hull of both end spheres, as a fine mesh (0.5 % of the radius).
 // triangle_id holds the capsule's index. Radii must not be negative.
 void RasterizeCapsules(const Camera& camera, const CapsuleSet& capsules_in_camera,
                        const RasterOptions& options, RasterBuffers* buffers);
 
-// Silhouettes as 8-bit images of the camera's size, 255 inside.
+// Silhouettes as 8-bit images of the camera's size, 255 inside. For a mesh that is drawn more than
+// once see mpc/render/silhouette.h.
 cv::Mat MeshMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                  const Triangles& triangles);
 cv::Mat CapsuleMask(const Camera& camera, const CapsuleSet& capsules_in_camera);

@@ -1,0 +1,33 @@
+// Purpose: one triangle into the depth and id images: the inner loop of the rasteriser.
+// Symbols: see screen.h. The images hold 1 / z (0: nothing yet) and ids; the greater 1 / z wins, of
+// equal ones the earlier drawn. Both kernels give the same bits.
+//
+// 1 / z is interpolated around the triangle's first vertex, in float for triangles of up to 64 px,
+// in double for larger ones, and kept within the range of the three vertices. A pixel's value does
+// not depend on what part of the picture is drawn.
+#pragma once
+
+#include <cstddef>
+
+#include "screen.h"
+
+namespace mpc {
+
+struct RasterTarget {
+  float* inverse_z;
+  int* ids;
+  std::ptrdiff_t inverse_z_stride;  // in elements
+  std::ptrdiff_t ids_stride;
+  int width;
+  int height;
+};
+
+using TriangleKernel = void (*)(const ScreenTriangle& triangle, int id, const RasterTarget& target);
+
+// Tests every pixel of the bounding box.
+void FillTriangleScalar(const ScreenTriangle& triangle, int id, const RasterTarget& target);
+
+// The fastest kernel this machine runs: eight pixels at a time with AVX2, else the scalar one.
+TriangleKernel BestTriangleKernel();
+
+}  // namespace mpc

@@ -11,7 +11,7 @@
 #include "mpc/render/boundary.h"
 #include "mpc/render/draw.h"
 #include "mpc/render/raster.h"
-#include "mpc/render/silhouette.h"
+#include "mpc/render/model_mask.h"
 
 namespace {
 
@@ -143,13 +143,13 @@ void BM_FillConvexPoly(benchmark::State& state) {
 }
 BENCHMARK(BM_FillConvexPoly)->Unit(benchmark::kMicrosecond);
 
-void BM_SilhouetteMask(benchmark::State& state) {
+void BM_ModelMask(benchmark::State& state) {
   cv::Mat mask;
   for (auto _ : state) {
-    mpc::SilhouetteMask(PersonCrop().camera, Person().positions, PersonCrop().topology, &mask);
+    mpc::ModelMask(PersonCrop().camera, Person().positions, PersonCrop().topology, &mask);
   }
 }
-BENCHMARK(BM_SilhouetteMask)->Unit(benchmark::kMicrosecond);
+BENCHMARK(BM_ModelMask)->Unit(benchmark::kMicrosecond);
 
 // Mask, depth and triangle id: the plain kernel and the one for this machine.
 void BM_RasterizeMeshScalar(benchmark::State& state) {
@@ -174,7 +174,7 @@ void BM_FindModelBoundary(benchmark::State& state) {
   mpc::RasterBuffers buffers;
   cv::Mat mask;
   mpc::RasterizeMesh(crop.camera, Person().positions, Person().triangles, {}, &buffers);
-  mpc::SilhouetteMask(crop.camera, Person().positions, crop.topology, &mask);
+  mpc::ModelMask(crop.camera, Person().positions, crop.topology, &mask);
   for (auto _ : state) {
     benchmark::DoNotOptimize(mpc::FindModelBoundary(crop.camera, Person().positions, crop.topology,
                                                     mask, buffers.depth));
@@ -194,7 +194,7 @@ mpc::CapsuleSet Limbs() {
 
 void BM_SkeletonMask(benchmark::State& state) {
   cv::Mat mask;
-  mpc::SilhouetteMask(PersonCrop().camera, Person().positions, PersonCrop().topology, &mask);
+  mpc::ModelMask(PersonCrop().camera, Person().positions, PersonCrop().topology, &mask);
   for (auto _ : state) {
     benchmark::DoNotOptimize(mpc::SkeletonMask(PersonCrop().camera, Limbs(), 1.0 / 3, mask));
   }

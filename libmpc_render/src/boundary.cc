@@ -123,8 +123,12 @@ ModelBoundary FindModelBoundary(const Camera& camera, const Eigen::Matrix3Xf& po
     normal.normalize();
     if (!normal.allFinite()) continue;
     // Seen from inside, as through the opening of a sleeve, the surface's own normal points inwards.
+    // A fold inside the mask that only ends at its border, as between two toes, points nowhere.
     const Eigen::Vector2d probe = kProbe_px * normal;
-    if (IsSet(mask, pixel + probe) && !IsSet(mask, pixel - probe)) normal = -normal;
+    if (IsSet(mask, pixel + probe)) {
+      if (IsSet(mask, pixel - probe)) continue;
+      normal = -normal;
+    }
     boundary.vertices.push_back(v);
     pixels.push_back(pixel);
     normals.push_back(normal);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "mpc/core/camera.h"
-#include "mpc/render/silhouette.h"
+#include "mpc/render/model_mask.h"
 #include "screen.h"
 
 namespace mpc {
@@ -26,7 +26,7 @@ struct Outline {
   }
 };
 
-// Throws Error as SilhouetteMask.
+// Throws Error as ModelMask.
 Outline ComputeOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                        const SurfaceTopology& topology, double near_m);
 

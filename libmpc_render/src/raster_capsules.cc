@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "mpc/core/error.h"
+#include "mpc/render/model_mask.h"
 #include "mpc/render/raster.h"
-#include "mpc/render/silhouette.h"
 #include "screen.h"
 #include "winding_image.h"
 

@@ -21,7 +21,7 @@ class BoundaryTest : public ::testing::Test {
   ModelBoundary Find(const TriangleMesh& mesh) { return Find(mesh, mesh.positions); }
   ModelBoundary Find(const TriangleMesh& bind, const Eigen::Matrix3Xf& positions) {
     const SurfaceTopology topology = SurfaceTopology::FromMesh(bind);
-    SilhouetteMask(camera_, positions, topology, &mask_);
+    ModelMask(camera_, positions, topology, &mask_);
     RasterBuffers buffers;
     RasterizeMesh(camera_, positions, bind.triangles, {}, &buffers);
     depth_ = buffers.depth;

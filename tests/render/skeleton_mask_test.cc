@@ -4,8 +4,8 @@
 #include <limits>
 #include <random>
 
+#include "mpc/render/model_mask.h"
 #include "mpc/render/raster.h"
-#include "mpc/render/silhouette.h"
 #include "support/expect_error.h"
 
 namespace mpc {

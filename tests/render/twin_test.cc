@@ -7,8 +7,8 @@
 #include <limits>
 #include <random>
 
+#include "mpc/render/model_mask.h"
 #include "mpc/render/raster.h"
-#include "mpc/render/silhouette.h"
 #include "render/meshes.h"
 #include "support/expect_error.h"
 
@@ -40,7 +40,7 @@ class TwinTest : public ::testing::Test {
     RasterizeMeshScalar(camera, positions, bind.triangles, {}, &plain_);
     EXPECT_TRUE(SameBits(fast_.depth, plain_.depth));
     EXPECT_TRUE(SameBits(fast_.triangle_id, plain_.triangle_id));
-    SilhouetteMask(camera, positions, SurfaceTopology::FromMesh(bind), &mask_);
+    ModelMask(camera, positions, SurfaceTopology::FromMesh(bind), &mask_);
     EXPECT_TRUE(SameBits(mask_, plain_.triangle_id >= 0));
     EXPECT_TRUE(SameBits(mask_, MeshMask(camera, positions, bind.triangles)));
     return cv::countNonZero(mask_);
@@ -197,8 +197,8 @@ TEST(SurfaceTopologyTest, MisuseIsRefused) {
   const SurfaceTopology topology = SurfaceTopology::FromMesh(mesh);
   cv::Mat mask;
   const Camera camera = Camera::FromFov(20, 20, 1);
-  EXPECT_MPC_ERROR(SilhouetteMask(camera, mesh.positions.leftCols(7), topology, &mask),
-                   kInvalidArgument, "7 positions for a topology of 42");
+  EXPECT_MPC_ERROR(ModelMask(camera, mesh.positions.leftCols(7), topology, &mask), kInvalidArgument,
+                   "7 positions for a topology of 42");
   mesh.triangles(0, 0) = 42;
   EXPECT_MPC_ERROR(SurfaceTopology::FromMesh(mesh), kInvalidArgument, "42");
 }

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "mpc/core/camera.h"
-#include "mpc/render/silhouette.h"
+#include "mpc/render/model_mask.h"
 
 namespace mpc {
 
@@ -25,13 +25,14 @@ struct BoundaryOptions {
 };
 
 // The vertices on edges between a triangle that faces the camera and one that does not, and on open
-// edges, that lie on the border of `mask`: both kinds of pixel among the 3 x 3 around them. Outlines
-// inside the mask (an arm before the trunk) and the picture's own border do not count. `depth`
-// (RasterizeMesh) also drops what lies hidden behind the outline; when empty nothing is dropped.
-// Normals are those of the surface, on open edges those of the edge in the picture.
+// edges, that lie on the border of `mask`: both kinds of pixel among the 3 x 3 around them, and two
+// pixels along the normal outside. Outlines inside the mask (an arm before the trunk) and the
+// picture's own border do not count. `depth` (RasterizeMesh) also drops what lies hidden behind the
+// outline; when empty nothing is dropped. Normals are those of the surface, on open edges those of
+// the edge in the picture.
 //
 // mask: CV_8UC1, depth: CV_32F or empty, both of the camera's size. Throws Error
-// (kInvalidArgument) for other images and as SilhouetteMask. O(V + T).
+// (kInvalidArgument) for other images and as ModelMask. O(V + T).
 ModelBoundary FindModelBoundary(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                                 const SurfaceTopology& topology, const cv::Mat& mask,
                                 const cv::Mat& depth, const BoundaryOptions& options = {});

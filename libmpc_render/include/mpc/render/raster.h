@@ -48,7 +48,7 @@ void RasterizeCapsules(const Camera& camera, const CapsuleSet& capsules_in_camer
                        const RasterOptions& options, RasterBuffers* buffers);
 
 // Silhouettes as 8-bit images of the camera's size, 255 inside. For a mesh that is drawn more than
-// once see mpc/render/silhouette.h.
+// once see mpc/render/model_mask.h.
 cv::Mat MeshMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                  const Triangles& triangles);
 cv::Mat CapsuleMask(const Camera& camera, const CapsuleSet& capsules_in_camera);

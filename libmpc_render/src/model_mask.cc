@@ -1,4 +1,4 @@
-#include "mpc/render/silhouette.h"
+#include "mpc/render/model_mask.h"
 
 #include <fmt/format.h>
 
@@ -51,8 +51,8 @@ SurfaceTopology SurfaceTopology::FromMesh(const TriangleMesh& mesh) {
   return topology;
 }
 
-void SilhouetteMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
-                    const SurfaceTopology& topology, cv::Mat* mask) {
+void ModelMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+               const SurfaceTopology& topology, cv::Mat* mask) {
   const double near_m = RasterOptions().near_m;
   const Outline outline = ComputeOutline(camera, positions_in_camera, topology, near_m);
   mask->create(camera.height, camera.width, CV_8UC1);

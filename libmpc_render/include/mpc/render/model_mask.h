@@ -40,8 +40,8 @@ struct SurfaceTopology {
 // M: every pixel that any triangle covers, exactly RasterizeMesh's. Reuses *mask when it has the
 // size already. Throws Error (kInvalidArgument) for positions that do not fit the topology and as
 // RasterizeMesh.
-void SilhouetteMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
-                    const SurfaceTopology& topology, cv::Mat* mask);
+void ModelMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+               const SurfaceTopology& topology, cv::Mat* mask);
 
 // R: limbs of `thickness` times the capsules' radii, at least one pixel wide, where `model` (M) is
 // set. thickness: 1/3 ours; 0 draws the bones as lines, as in the paper.

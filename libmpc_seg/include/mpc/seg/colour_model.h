@@ -30,11 +30,26 @@ class ColourModel {
 
   const std::vector<ColourComponent>& components() const { return components_; }
 
+  // Densities of the components at a colour, without their weights; K numbers.
+  void ComponentDensities(const Eigen::Vector3f& bgr, float* densities) const;
+
+  // The component that explains a colour best.
+  int LikeliestComponent(const Eigen::Vector3f& bgr) const;
+
   // -log p(bgr), densities per cubic colour step; finite for every colour.
   float NegLogLikelihood(const Eigen::Vector3f& bgr) const;
 
  private:
+  struct Kernel {
+    Eigen::Vector3f mean;
+    Eigen::Matrix3f whitener;  // lower triangular; covariance^-1 = whitener^T whitener
+    float log_scale;           // log of the weighted density at the mean
+  };
+
+  void SetComponents(std::vector<ColourComponent> components);
+
   std::vector<ColourComponent> components_;
+  std::vector<Kernel> kernels_;
 };
 
 }  // namespace mpc

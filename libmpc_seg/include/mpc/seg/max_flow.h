@@ -5,7 +5,6 @@
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <vector>
 
 namespace mpc {
@@ -27,6 +26,45 @@ class MaxFlow {
   // After Solve: whether a node can still be reached from the source. Of all minimum cuts this is
   // the one with the fewest nodes on the source's side.
   bool OnSourceSide(int node) const;
+
+ private:
+  enum class Tree : uint8_t { kFree, kSource, kSink };
+  struct Node {
+    int64_t terminal = 0;  // what the source (> 0) can still send or the sink (< 0) still take
+    int32_t arc_begin = 0;
+    int32_t arc_end = 0;
+    int32_t parent = -1;   // arc to the parent, or why there is none
+    int32_t stamp = 0;     // when `distance` was known to be right
+    int32_t distance = 0;  // to the terminal, in arcs
+    Tree tree = Tree::kFree;
+    bool active = false;
+  };
+  struct Arc {
+    int32_t head;
+    int32_t sister;  // the same edge from the other end
+    int32_t capacity;
+  };
+  struct Edge {
+    int32_t a;
+    int32_t b;
+    int32_t a_to_b;
+    int32_t b_to_a;
+  };
+
+  void BuildArcs();
+  void Activate(int32_t node);
+  int32_t Grow(int32_t node);
+  void Augment(int32_t bridge);
+  void Adopt();
+  int32_t DistanceToTerminal(int32_t node);
+
+  std::vector<Node> nodes_;
+  std::vector<Edge> edges_;  // until Solve
+  std::vector<Arc> arcs_;    // grouped by tail
+  std::vector<int32_t> active_;
+  std::vector<int32_t> orphans_;
+  int32_t time_ = 0;
+  int64_t flow_ = 0;
 };
 
 }  // namespace mpc

@@ -27,7 +27,8 @@ struct SegmentationOptions {
   // Energy.
   double gamma = 50;         // contrast; GrabCut
   double gamma_motion = 20;  // motion cue, 0 turns it off; ours, at most gamma / 2
-  double weight_shape = 3;   // trust in M: log-odds at the border of the band, 0: none; ours
+  double weight_still = 2;   // pixels as still as the background is are background, 0: off; ours
+  double weight_shape = 5;   // trust in M: log-odds at the border of the band, 0: none; ours
   double weight_person = 1;  // factor on the log-odds of FrameInput::person_probability; ours
   int num_components = 5;    // Gaussians per colour model, 1 to 16; GrabCut
 
@@ -36,7 +37,9 @@ struct SegmentationOptions {
   bool coarse_to_fine =
       true;  // solve small, then only around the outline; false: whole crop at once
   bool eight_connected = false;  // neighbours; GrabCut: true
-  bool clean = true;             // remove islands and small holes
+  bool band_colours =
+      true;           // learn colours in eroded M and outside the band; false: all of M, all else
+  bool clean = true;  // remove islands and small holes
   // Estimate the background's motion between the pictures, for the motion cue. false: static camera.
   bool estimate_background_motion = true;
 

@@ -1,0 +1,102 @@
+#include "mpc/seg/background_motion.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <vector>
+
+#include "mpc/core/error.h"
+#include "picture.h"
+
+namespace mpc {
+namespace {
+
+constexpr int kTrackingWidth = 640;  // pictures are tracked at about this size (longer side), px
+constexpr int kMaxPoints = 200;
+constexpr size_t kMinPoints = 16;
+constexpr double kRansacPx = 1.0;     // at the tracking size
+constexpr double kMinInliers = 0.5;   // share of the tracks
+constexpr double kStillPx = 1.0 / 3;  // at full size
+
+cv::Mat SmallGrey(const cv::Mat& picture, double scale) {
+  cv::Mat small;
+  cv::resize(picture, small, {}, scale, scale, cv::INTER_AREA);
+  cv::Mat grey;
+  cv::cvtColor(ToBgr8(small), grey, cv::COLOR_BGR2GRAY);
+  return grey;
+}
+
+cv::Vec2d Apply(const cv::Matx33d& h, double x, double y) {
+  const cv::Vec3d p = h * cv::Vec3d(x, y, 1);
+  return {p[0] / p[2], p[1] / p[2]};
+}
+
+}  // namespace
+
+std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, const cv::Mat& current,
+                                                    const cv::Mat& exclude) {
+  CheckPicture(current, "picture");
+  CheckPicture(previous, "previous picture");
+  if (previous.size() != current.size()) {
+    throw Error(ErrorCode::kMismatch, "segmentation: the previous picture has another size");
+  }
+  if (!exclude.empty()) CheckMask(exclude, current.size(), "mask to exclude");
+
+  const double scale =
+      1.0 / std::max(1.0, std::round(std::max(current.cols, current.rows) * 1.0 / kTrackingWidth));
+  const cv::Mat grey = SmallGrey(current, scale);
+  const cv::Mat previous_grey = SmallGrey(previous, scale);
+  cv::Mat allowed;
+  if (!exclude.empty()) {
+    cv::resize(exclude, allowed, grey.size(), 0, 0, cv::INTER_NEAREST);
+    allowed = allowed == 0;
+  }
+
+  std::vector<cv::Point2f> points;
+  const double min_distance = std::max(2.0, 0.02 * grey.cols);
+  cv::goodFeaturesToTrack(grey, points, kMaxPoints, 0.01, min_distance, allowed);
+  if (points.size() < kMinPoints) return std::nullopt;
+  std::vector<cv::Point2f> tracked;
+  std::vector<uint8_t> found;
+  cv::calcOpticalFlowPyrLK(grey, previous_grey, points, tracked, found, cv::noArray(), {15, 15}, 4);
+  std::vector<cv::Point2f> from;
+  std::vector<cv::Point2f> to;
+  for (size_t i = 0; i < points.size(); ++i) {
+    if (!found[i]) continue;
+    from.push_back(points[i]);
+    to.push_back(tracked[i]);
+  }
+  if (from.size() < kMinPoints) return std::nullopt;
+  std::vector<uint8_t> inlier;
+  const cv::Mat estimate = cv::findHomography(from, to, cv::RANSAC, kRansacPx, inlier, 500);
+  const auto num_inliers = static_cast<size_t>(std::count(inlier.begin(), inlier.end(), 1));
+  if (estimate.empty() || num_inliers < kMinPoints ||
+      static_cast<double>(num_inliers) < kMinInliers * static_cast<double>(from.size())) {
+    return std::nullopt;
+  }
+
+  // From the small pictures' pixels to the full ones': centres at integers, so (x + 1/2) scales.
+  const double shift = 0.5 * (1 / scale - 1);
+  const cv::Matx33d full_from_small(1 / scale, 0, shift, 0, 1 / scale, shift, 0, 0, 1);
+  const cv::Matx33d h =
+      full_from_small * cv::Matx33d(estimate.ptr<double>()) * full_from_small.inv();
+
+  // A homography that folds or turns the picture is no motion between two frames of a video.
+  const cv::Vec2d corners[] = {{0, 0},
+                               {current.cols - 1.0, 0},
+                               {0, current.rows - 1.0},
+                               {current.cols - 1.0, current.rows - 1.0}};
+  double largest = 0;
+  for (const cv::Vec2d& corner : corners) {
+    const double move = cv::norm(Apply(h, corner[0], corner[1]) - corner);
+    if (!std::isfinite(move)) return std::nullopt;
+    largest = std::max(largest, move);
+  }
+  if (largest > 0.25 * std::max(current.cols, current.rows)) return std::nullopt;
+  if (largest < kStillPx) return cv::Matx33d::eye();
+  return h;
+}
+
+}  // namespace mpc

@@ -1,0 +1,184 @@
+#include "mpc/seg/colour_model.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <random>
+
+#include "mpc/core/error.h"
+
+namespace mpc {
+namespace {
+
+constexpr int kMeansIterations = 8;
+// Variance of a camera's noise and of rounding, added to every component, colour steps^2.
+constexpr double kNoiseVariance = 1;
+
+// Uniform in [0, 1), the same on every platform.
+double Uniform(std::mt19937* rng) { return static_cast<double>((*rng)()) / 4294967296.0; }
+
+// k-means++: each further centre is drawn in proportion to the squared distance from those before.
+std::vector<Eigen::Vector3f> DrawCentres(std::span<const WeightedColour> colours, int max_centres) {
+  std::mt19937 rng(1);
+  std::vector<Eigen::Vector3f> centres;
+  std::vector<double> distance(colours.size(), 1.0);
+  while (static_cast<int>(centres.size()) < max_centres) {
+    double total = 0;
+    for (size_t i = 0; i < colours.size(); ++i) total += colours[i].weight * distance[i];
+    if (!(total > 0)) break;
+    double rest = Uniform(&rng) * total;
+    size_t chosen = 0;
+    for (size_t i = 0; i < colours.size(); ++i) {
+      const double share = colours[i].weight * distance[i];
+      if (share <= 0) continue;
+      chosen = i;
+      rest -= share;
+      if (rest < 0) break;
+    }
+    centres.push_back(colours[chosen].bgr);
+    for (size_t i = 0; i < colours.size(); ++i) {
+      const double d = (colours[i].bgr - centres.back()).squaredNorm();
+      distance[i] = centres.size() == 1 ? d : std::min(distance[i], d);
+    }
+  }
+  return centres;
+}
+
+std::vector<int> NearestCentres(std::span<const WeightedColour> colours,
+                                std::span<const Eigen::Vector3f> centres) {
+  std::vector<int> label(colours.size());
+  for (size_t i = 0; i < colours.size(); ++i) {
+    float best = std::numeric_limits<float>::max();
+    for (size_t k = 0; k < centres.size(); ++k) {
+      const float d = (colours[i].bgr - centres[k]).squaredNorm();
+      if (d < best) {
+        best = d;
+        label[i] = static_cast<int>(k);
+      }
+    }
+  }
+  return label;
+}
+
+std::vector<ColourComponent> Components(std::span<const WeightedColour> colours,
+                                        std::span<const int> label, int num_labels) {
+  struct Sums {
+    double weight = 0;
+    Eigen::Vector3d first = Eigen::Vector3d::Zero();
+    Eigen::Matrix3d second = Eigen::Matrix3d::Zero();
+  };
+  std::vector<Sums> sums(static_cast<size_t>(num_labels));
+  double total = 0;
+  for (size_t i = 0; i < colours.size(); ++i) {
+    const double weight = colours[i].weight;
+    if (!(weight > 0)) continue;
+    const Eigen::Vector3d bgr = colours[i].bgr.cast<double>();
+    Sums& s = sums[label[i]];
+    s.weight += weight;
+    s.first += weight * bgr;
+    s.second.noalias() += (weight * bgr) * bgr.transpose();
+    total += weight;
+  }
+  std::vector<ColourComponent> components;
+  for (const Sums& s : sums) {
+    if (!(s.weight > 0)) continue;
+    ColourComponent component;
+    component.weight = s.weight / total;
+    component.mean = s.first / s.weight;
+    component.covariance = s.second / s.weight - component.mean * component.mean.transpose() +
+                           kNoiseVariance * Eigen::Matrix3d::Identity();
+    components.push_back(component);
+  }
+  return components;
+}
+
+}  // namespace
+
+ColourModel::ColourModel(std::span<const WeightedColour> colours, int max_components,
+                         int num_refits) {
+  std::vector<Eigen::Vector3f> centres = DrawCentres(colours, std::max(1, max_components));
+  if (centres.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "colour model: no colours to learn from");
+  }
+  std::vector<int> label;
+  for (int iteration = 0; iteration < kMeansIterations; ++iteration) {
+    label = NearestCentres(colours, centres);
+    SetComponents(Components(colours, label, static_cast<int>(centres.size())));
+    centres.clear();
+    for (const ColourComponent& c : components_) centres.push_back(c.mean.cast<float>());
+  }
+  for (int refit = 0; refit < num_refits; ++refit) {
+    for (size_t i = 0; i < colours.size(); ++i) label[i] = LikeliestComponent(colours[i].bgr);
+    SetComponents(Components(colours, label, static_cast<int>(components_.size())));
+  }
+}
+
+void ColourModel::SetComponents(std::vector<ColourComponent> components) {
+  components_ = std::move(components);
+  kernels_.clear();
+  for (const ColourComponent& component : components_) {
+    const Eigen::LLT<Eigen::Matrix3d> llt(component.covariance);
+    const Eigen::Matrix3d lower = llt.matrixL();
+    const Eigen::Matrix3d whitener = lower.inverse();
+    kernels_.push_back(
+        {component.mean.cast<float>(), whitener.cast<float>(),
+         static_cast<float>(std::log(component.weight) - 1.5 * std::log(2 * std::numbers::pi) -
+                            std::log(lower.determinant()))});
+  }
+}
+
+namespace {
+
+// log of weight times density.
+template <typename Kernel>
+float LogDensity(const Kernel& kernel, const Eigen::Vector3f& bgr) {
+  const Eigen::Vector3f d = bgr - kernel.mean;
+  const Eigen::Matrix3f& w = kernel.whitener;
+  const float x = w(0, 0) * d[0];
+  const float y = w(1, 0) * d[0] + w(1, 1) * d[1];
+  const float z = w(2, 0) * d[0] + w(2, 1) * d[1] + w(2, 2) * d[2];
+  return kernel.log_scale - 0.5F * (x * x + y * y + z * z);
+}
+
+}  // namespace
+
+int ColourModel::LikeliestComponent(const Eigen::Vector3f& bgr) const {
+  int best = 0;
+  float best_log = -std::numeric_limits<float>::max();
+  for (size_t k = 0; k < kernels_.size(); ++k) {
+    const float log_density = LogDensity(kernels_[k], bgr);
+    if (log_density > best_log) {
+      best_log = log_density;
+      best = static_cast<int>(k);
+    }
+  }
+  return best;
+}
+
+void ColourModel::ComponentDensities(const Eigen::Vector3f& bgr, float* densities) const {
+  for (size_t k = 0; k < kernels_.size(); ++k) {
+    densities[k] =
+        std::exp(LogDensity(kernels_[k], bgr)) / static_cast<float>(components_[k].weight);
+  }
+}
+
+float ColourModel::NegLogLikelihood(const Eigen::Vector3f& bgr) const {
+  // log(sum exp) with the largest term taken out, so that far colours do not underflow.
+  float largest = -std::numeric_limits<float>::max();
+  float sum = 0;
+  for (const Kernel& kernel : kernels_) {
+    const float log_density = LogDensity(kernel, bgr);
+    if (log_density > largest) {
+      sum = sum * std::exp(largest - log_density) + 1;
+      largest = log_density;
+    } else {
+      sum += std::exp(log_density - largest);
+    }
+  }
+  return -(largest + std::log(sum));
+}
+
+}  // namespace mpc

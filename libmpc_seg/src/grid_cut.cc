@@ -1,0 +1,259 @@
+#include "mpc/seg/grid_cut.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "mpc/seg/max_flow.h"
+#include "mpc/seg/trimap.h"
+
+namespace mpc {
+namespace {
+
+constexpr double kScale = 1024;       // integer steps per unit of energy
+constexpr double kMaxLogOdds = 1e5;   // keeps sums of a pixel's terms well below 2^30
+constexpr double kNoMoreThan = 1e-4;  // links weaker than this part of gamma count as none
+
+// Neighbours in pairs of opposite directions, so that direction d's opposite is d ^ 1.
+struct Direction {
+  int dx;
+  int dy;
+};
+constexpr std::array<Direction, 8> kDirections = {
+    {{-1, 0}, {1, 0}, {0, -1}, {0, 1}, {-1, -1}, {1, 1}, {1, -1}, {-1, 1}}};
+
+// gamma exp(-beta x) for integers x >= 0, in steps of the energy.
+class ExpTable {
+ public:
+  ExpTable(double gamma, double beta, int max_x) {
+    const double reach = beta > 0 ? std::min<double>(max_x, -std::log(kNoMoreThan) / beta) : 0;
+    values_.resize(static_cast<size_t>(reach) + 1);
+    for (size_t x = 0; x < values_.size(); ++x) {
+      values_[x] = cvRound(kScale * gamma * std::exp(-beta * static_cast<double>(x)));
+    }
+    beyond_ = beta > 0 ? 0 : values_[0];
+  }
+  int32_t operator()(int x) const {
+    return static_cast<size_t>(x) < values_.size() ? values_[static_cast<size_t>(x)] : beyond_;
+  }
+
+ private:
+  std::vector<int32_t> values_;
+  int32_t beyond_ = 0;
+};
+
+class Links {
+ public:
+  explicit Links(const GridCutProblem& problem)
+      : problem_(problem),
+        has_motion_(!problem.change.empty() && problem.gamma_motion > 0),
+        contrast_{ExpTable(problem.gamma, problem.beta, kMaxContrast),
+                  ExpTable(problem.gamma / std::sqrt(2.0), problem.beta, kMaxContrast)},
+        // change holds |D|^2 / 3, so the sum of two of them times 3/2 is the mean |D|^2.
+        motion_{ExpTable(gamma_motion(), 1.5 * problem.beta_motion, kMaxChange),
+                ExpTable(gamma_motion() / std::sqrt(2.0), 1.5 * problem.beta_motion, kMaxChange)} {}
+
+  int32_t operator()(int x, int y, int direction) const {
+    const Direction& d = kDirections[static_cast<size_t>(direction)];
+    const int diagonal = direction >= 4 ? 1 : 0;
+    const uint8_t* a = problem_.bgr.ptr(y) + 3 * x;
+    const uint8_t* b = problem_.bgr.ptr(y + d.dy) + 3 * (x + d.dx);
+    const int db = a[0] - b[0], dg = a[1] - b[1], dr = a[2] - b[2];
+    int32_t link = contrast_[diagonal](db * db + dg * dg + dr * dr);
+    if (has_motion_) {
+      link += motion_[diagonal](problem_.change.ptr<uint16_t>(y)[x] +
+                                problem_.change.ptr<uint16_t>(y + d.dy)[x + d.dx]);
+    }
+    return link;
+  }
+
+ private:
+  static constexpr int kMaxContrast = 3 * 255 * 255;
+  static constexpr int kMaxChange = 2 * 255 * 255;
+
+  double gamma_motion() const { return has_motion_ ? problem_.gamma_motion : 0; }
+
+  const GridCutProblem& problem_;
+  bool has_motion_;
+  std::array<ExpTable, 2> contrast_;  // neighbours at distance 1 and sqrt(2)
+  std::array<ExpTable, 2> motion_;
+};
+
+bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
+
+int32_t ScaledLogOdds(const GridCutProblem& problem, int x, int y) {
+  const double o = problem.log_odds.at<float>(y, x);
+  return cvRound(kScale * std::clamp(o, -kMaxLogOdds, kMaxLogOdds));
+}
+
+struct Pixel {
+  int x;
+  int y;
+  int64_t odds;       // log-odds, with the links to decided neighbours
+  int64_t links = 0;  // sum over neighbours that are not decided
+  bool decided = false;
+};
+
+}  // namespace
+
+double ContrastBeta(const cv::Mat& bgr, bool eight_connected) {
+  double sum = 0;
+  double count = 0;
+  const int degree = eight_connected ? 8 : 4;
+  for (int direction = 1; direction < degree; direction += 2) {  // each pair once
+    const Direction d = kDirections[static_cast<size_t>(direction)];
+    const int x_begin = std::max(0, -d.dx), x_end = bgr.cols - std::max(0, d.dx);
+    if (x_end <= x_begin) continue;
+    const size_t n = 3 * static_cast<size_t>(x_end - x_begin);
+    for (int y = 0; y + d.dy < bgr.rows; ++y) {
+      const uint8_t* a = bgr.ptr(y) + 3 * x_begin;
+      const uint8_t* b = bgr.ptr(y + d.dy) + 3 * (x_begin + d.dx);
+      uint32_t row = 0;  // 16384 pixels of 3 * 255^2 fit
+      for (size_t i = 0; i < n; ++i) {
+        const int difference = a[i] - b[i];
+        row += static_cast<uint32_t>(difference * difference);
+      }
+      sum += row;
+      count += x_end - x_begin;
+    }
+  }
+  return sum > 0 ? count / (2 * sum) : 0;
+}
+
+cv::Mat SquaredChange(const cv::Mat& a, const cv::Mat& b) {
+  cv::Mat change(a.size(), CV_16U);
+  for (int y = 0; y < a.rows; ++y) {
+    const uint8_t* pa = a.ptr(y);
+    const uint8_t* pb = b.ptr(y);
+    uint16_t* out = change.ptr<uint16_t>(y);
+    for (int x = 0; x < a.cols; ++x, pa += 3, pb += 3) {
+      const int db = pa[0] - pb[0], dg = pa[1] - pb[1], dr = pa[2] - pb[2];
+      out[x] = static_cast<uint16_t>((db * db + dg * dg + dr * dr + 1) / 3);
+    }
+  }
+  return change;
+}
+
+GridCutResult SolveGridCut(const GridCutProblem& problem) {
+  const int degree = problem.eight_connected ? 8 : 4;
+  const cv::Size size = problem.trimap.size();
+  GridCutResult result;
+  result.labels.create(size, CV_8U);
+
+  std::vector<Pixel> pixels;
+  cv::Mat1i index(size);
+  for (int y = 0; y < size.height; ++y) {
+    const uint8_t* trimap = problem.trimap.ptr(y);
+    uint8_t* labels = result.labels.ptr(y);
+    int* row = index[y];
+    for (int x = 0; x < size.width; ++x) {
+      labels[x] = trimap[x] == kTrimapForeground;
+      row[x] = -1;
+      if (IsUnknown(trimap[x])) {
+        row[x] = static_cast<int>(pixels.size());
+        pixels.push_back({x, y, ScaledLogOdds(problem, x, y)});
+      }
+    }
+  }
+  result.num_unknown = static_cast<int>(pixels.size());
+
+  // Links of every unknown pixel; those to known pixels are as good as log-odds.
+  const Links link_of(problem);
+  struct Neighbour {
+    int32_t pixel;  // -1: known or none
+    int32_t link;
+  };
+  std::vector<Neighbour> neighbours(pixels.size() * static_cast<size_t>(degree));
+  for (size_t p = 0; p < pixels.size(); ++p) {
+    Pixel& pixel = pixels[p];
+    for (int d = 0; d < degree; ++d) {
+      const int x = pixel.x + kDirections[static_cast<size_t>(d)].dx;
+      const int y = pixel.y + kDirections[static_cast<size_t>(d)].dy;
+      Neighbour& neighbour = neighbours[p * static_cast<size_t>(degree) + static_cast<size_t>(d)];
+      neighbour = {-1, 0};
+      if (x < 0 || y < 0 || x >= size.width || y >= size.height) continue;
+      const int q = index(y, x);
+      if (q < 0) {
+        const int32_t link = link_of(pixel.x, pixel.y, d);
+        pixel.odds += result.labels.ptr(y)[x] ? link : -link;
+        continue;
+      }
+      const bool seen = q < static_cast<int>(p);
+      const int32_t link = seen ? neighbours[static_cast<size_t>(q * degree + (d ^ 1))].link
+                                : link_of(pixel.x, pixel.y, d);
+      neighbour = {q, link};
+      pixel.links += link;
+    }
+  }
+
+  // Decide pixels that no labels of their neighbours could turn; this may decide neighbours in turn.
+  std::vector<int> pending(pixels.size());
+  for (size_t p = 0; p < pixels.size(); ++p) pending[p] = static_cast<int>(pixels.size() - 1 - p);
+  while (!pending.empty()) {
+    const int p = pending.back();
+    pending.pop_back();
+    Pixel& pixel = pixels[static_cast<size_t>(p)];
+    if (pixel.decided || std::abs(pixel.odds) <= pixel.links) continue;
+    pixel.decided = true;
+    const bool inside = pixel.odds > 0;
+    result.labels.ptr(pixel.y)[pixel.x] = inside;
+    for (int d = 0; d < degree; ++d) {
+      const Neighbour& neighbour = neighbours[static_cast<size_t>(p * degree + d)];
+      if (neighbour.pixel < 0 || pixels[static_cast<size_t>(neighbour.pixel)].decided) continue;
+      Pixel& other = pixels[static_cast<size_t>(neighbour.pixel)];
+      other.odds += inside ? neighbour.link : -neighbour.link;
+      other.links -= neighbour.link;
+      if (std::abs(other.odds) > other.links) pending.push_back(neighbour.pixel);
+    }
+  }
+
+  // The others by maximum flow.
+  std::vector<int> node(pixels.size(), -1);
+  std::vector<int> nodes;
+  for (size_t p = 0; p < pixels.size(); ++p) {
+    if (pixels[p].decided) continue;
+    node[p] = static_cast<int>(nodes.size());
+    nodes.push_back(static_cast<int>(p));
+  }
+  result.num_nodes = static_cast<int>(nodes.size());
+  MaxFlow flow(result.num_nodes);
+  for (int n = 0; n < result.num_nodes; ++n) {
+    const int p = nodes[static_cast<size_t>(n)];
+    const int64_t odds = pixels[static_cast<size_t>(p)].odds;
+    flow.AddTerminals(n, static_cast<int32_t>(std::max<int64_t>(odds, 0)),
+                      static_cast<int32_t>(std::max<int64_t>(-odds, 0)));
+    for (int d = 1; d < degree; d += 2) {
+      const Neighbour& neighbour = neighbours[static_cast<size_t>(p * degree + d)];
+      if (neighbour.pixel < 0 || node[static_cast<size_t>(neighbour.pixel)] < 0) continue;
+      flow.AddEdge(n, node[static_cast<size_t>(neighbour.pixel)], neighbour.link, neighbour.link);
+    }
+  }
+  flow.Solve();
+  for (int n = 0; n < result.num_nodes; ++n) {
+    const Pixel& pixel = pixels[static_cast<size_t>(nodes[static_cast<size_t>(n)])];
+    result.labels.ptr(pixel.y)[pixel.x] = flow.OnSourceSide(n);
+  }
+  return result;
+}
+
+int64_t GridCutEnergy(const GridCutProblem& problem, const cv::Mat& labels) {
+  const Links link_of(problem);
+  const int degree = problem.eight_connected ? 8 : 4;
+  int64_t energy = 0;
+  for (int y = 0; y < labels.rows; ++y) {
+    for (int x = 0; x < labels.cols; ++x) {
+      const bool unknown = IsUnknown(problem.trimap.ptr(y)[x]);
+      if (unknown && labels.ptr(y)[x]) energy -= ScaledLogOdds(problem, x, y);
+      for (int d = 1; d < degree; d += 2) {
+        const int qx = x + kDirections[static_cast<size_t>(d)].dx;
+        const int qy = y + kDirections[static_cast<size_t>(d)].dy;
+        if (qx < 0 || qy < 0 || qx >= labels.cols || qy >= labels.rows) continue;
+        if (!unknown && !IsUnknown(problem.trimap.ptr(qy)[qx])) continue;
+        if ((labels.ptr(y)[x] != 0) != (labels.ptr(qy)[qx] != 0)) energy += link_of(x, y, d);
+      }
+    }
+  }
+  return energy;
+}
+
+}  // namespace mpc

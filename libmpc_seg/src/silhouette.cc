@@ -1,0 +1,448 @@
+#include "mpc/seg/silhouette.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+#include <vector>
+
+#include "colour_odds.h"
+#include "mpc/core/error.h"
+#include "mpc/seg/background_motion.h"
+#include "mpc/seg/grid_cut.h"
+#include "picture.h"
+
+namespace mpc {
+namespace {
+
+// Actors larger than this are cut in a picture of half the size, a quarter, and so on.
+constexpr double kMaxCutSizePx = 200;
+constexpr double kRing = 0.15;          // width of the background outside the band, in actor sizes
+constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours are learnt
+constexpr int kRefinePx = 2;            // around the outline, after each doubling of the size
+constexpr int kMaxColours = 4000;       // per colour model
+constexpr int kMinColours = 8;
+constexpr double kOutlierShare = 0.02;
+constexpr double kMinProbability = 0.02;  // a person mask is never surer than this
+constexpr double kMinConfidence = 0.1;    // below, colours say nothing
+constexpr double kMinModelIou = 0.25;     // a cut that agrees less with the model is no silhouette
+constexpr double kMinIsland = 0.01;       // of the model's area
+constexpr double kMaxHole = 0.0025;
+
+bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
+
+cv::Mat Halved(const cv::Mat& picture) {
+  cv::Mat half;
+  cv::resize(picture, half, {picture.cols / 2, picture.rows / 2}, 0, 0, cv::INTER_AREA);
+  return half;
+}
+
+// 255 where at least half of the pixels under a pixel of the smaller mask are set.
+cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
+  const cv::Mat full = mask != 0;
+  if (full.size() == size) return full;
+  cv::Mat small;
+  cv::resize(full, small, size, 0, 0, cv::INTER_AREA);
+  return small > 127;
+}
+
+// Distance to the mask's outline, px: positive inside, negative outside.
+cv::Mat1f SignedDistance(const cv::Mat& mask) {
+  cv::Mat1f inside, outside;
+  cv::distanceTransform(mask, inside, cv::DIST_L2, cv::DIST_MASK_5);
+  cv::distanceTransform(~mask, outside, cv::DIST_L2, cv::DIST_MASK_5);
+  const auto far = static_cast<float>(mask.cols + mask.rows);  // where there is no other side
+  for (int y = 0; y < mask.rows; ++y) {
+    const uint8_t* is_inside = mask.ptr(y);
+    float* in = inside[y];
+    const float* out = outside[y];
+    for (int x = 0; x < mask.cols; ++x) {
+      in[x] = is_inside[x] ? std::min(in[x], far) - 0.5F : 0.5F - std::min(out[x], far);
+    }
+  }
+  return inside;
+}
+
+// Removes pieces of the actor without a certain pixel that are small, and fills small holes.
+void RemoveSpecks(const cv::Mat& trimap, double model_area, cv::Mat* labels) {
+  for (const bool inside : {true, false}) {
+    const cv::Mat side = inside ? *labels : *labels == 0;
+    cv::Mat1i region, stats;
+    cv::Mat centroids;
+    const int n = cv::connectedComponentsWithStats(side, region, stats, centroids, inside ? 8 : 4);
+    if (n <= 2) continue;
+    const TrimapLabel certain = inside ? kTrimapForeground : kTrimapBackground;
+    const double small = (inside ? kMinIsland : kMaxHole) * model_area;
+    std::vector<uint8_t> remove(static_cast<size_t>(n), 0);
+    for (int i = 1; i < n; ++i) remove[static_cast<size_t>(i)] = stats(i, cv::CC_STAT_AREA) < small;
+    for (int y = 0; y < region.rows; ++y) {
+      for (int x = 0; x < region.cols; ++x) {
+        if (trimap.ptr(y)[x] == certain) remove[static_cast<size_t>(region(y, x))] = 0;
+      }
+    }
+    for (int y = 0; y < region.rows; ++y) {
+      for (int x = 0; x < region.cols; ++x) {
+        if (remove[static_cast<size_t>(region(y, x))]) labels->ptr(y)[x] = !inside;
+      }
+    }
+  }
+}
+
+double Iou(const cv::Mat& a, const cv::Mat& b) {
+  const int both = cv::countNonZero(a & b);
+  const int any = cv::countNonZero(a | b);
+  return any > 0 ? static_cast<double>(both) / any : 0;
+}
+
+void CheckFrame(const FrameInput& frame) {
+  CheckPicture(frame.picture, "picture");
+  const cv::Size size = frame.picture.size();
+  CheckMask(frame.model_mask, size, "model mask");
+  if (!frame.skeleton_mask.empty()) CheckMask(frame.skeleton_mask, size, "skeleton mask");
+  if (!frame.previous.empty()) {
+    CheckPicture(frame.previous, "previous picture");
+    if (frame.previous.size() != size) {
+      throw Error(ErrorCode::kMismatch,
+                  fmt::format("segmentation: previous picture is {}x{}, expected {}x{}",
+                              frame.previous.cols, frame.previous.rows, size.width, size.height));
+    }
+  }
+  const cv::Mat& person = frame.person_probability;
+  if (!person.empty() &&
+      (person.size() != size || (person.type() != CV_32FC1 && person.type() != CV_8UC1))) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("segmentation: person probability is {}x{} {}, expected {}x{} CV_8UC1 "
+                            "or CV_32FC1",
+                            person.cols, person.rows, cv::typeToString(person.type()), size.width,
+                            size.height));
+  }
+  if (!(frame.actor_size_px >= 0 && frame.actor_size_px < 1e6)) {
+    throw Error(
+        ErrorCode::kInvalidArgument,
+        fmt::format("segmentation: actor size is {} px, expected 0 to 1e6", frame.actor_size_px));
+  }
+}
+
+// One extraction. "Small" is the size at which the band is cut: 1 / 2^num_halvings_ of the crop.
+class Extraction {
+ public:
+  Extraction(const FrameInput& frame, const SegmentationOptions& options)
+      : frame_(frame), options_(options) {}
+
+  Silhouette Run() {
+    const cv::Rect box = cv::boundingRect(frame_.model_mask);
+    if (box.empty()) {
+      result_.mask = cv::Mat(frame_.picture.size(), CV_8U, cv::Scalar(0));
+      return result_;
+    }
+    PlaceCrop(box);
+    ShrinkPictures();
+    MakeBand();
+    FindChange();
+    AddEvidence();
+    if (!Cut()) return UseModel(SilhouetteState::kNoBackground, box);
+    if (result_.confidence < kMinConfidence) return UseModel(SilhouetteState::kAmbiguous, box);
+    for (int level = num_halvings_ - 1; level >= 0; --level) Refine(level);
+
+    result_.state = SilhouetteState::kCut;
+    const cv::Mat inside = labels_(cv::Rect({}, result_.roi.size())) != 0;
+    result_.model_iou = Iou(inside, frame_.model_mask(result_.roi) != 0);
+    if (result_.model_iou < kMinModelIou) return UseModel(SilhouetteState::kAmbiguous, box);
+    result_.mask = cv::Mat(frame_.picture.size(), CV_8U, cv::Scalar(0));
+    inside.copyTo(result_.mask(result_.roi));
+    return result_;
+  }
+
+ private:
+  const cv::Mat& small() const { return pictures_.back(); }
+
+  Silhouette UseModel(SilhouetteState state, const cv::Rect& box) {
+    result_.state = state;
+    result_.mask = frame_.model_mask != 0;
+    result_.roi = box;
+    result_.model_iou = 1;
+    return result_;
+  }
+
+  // The actor's surroundings, a whole number of small pixels in width and height.
+  void PlaceCrop(const cv::Rect& box) {
+    actor_size_ =
+        frame_.actor_size_px > 0 ? frame_.actor_size_px : ActorSizePx(frame_.model_mask(box));
+    const cv::Size size = frame_.picture.size();
+    const double reach = std::ceil((options_.dilate + kRing) * actor_size_) + 2;
+    const int margin = static_cast<int>(std::min<double>(reach, std::max(size.width, size.height)));
+    crop_ =
+        cv::Rect(box.x - margin, box.y - margin, box.width + 2 * margin, box.height + 2 * margin) &
+        cv::Rect({}, size);
+    if (options_.coarse_to_fine) {
+      const double cut_size = std::min(actor_size_, std::sqrt(1.0 * crop_.area()));
+      while (std::ldexp(cut_size, -num_halvings_) > kMaxCutSizePx) ++num_halvings_;
+    }
+    const int block = 1 << num_halvings_;
+    crop_.width = (crop_.width + block - 1) / block * block;
+    crop_.height = (crop_.height + block - 1) / block * block;
+    crop_.x = std::max(0, std::min(crop_.x, size.width - crop_.width));
+    crop_.y = std::max(0, std::min(crop_.y, size.height - crop_.height));
+    result_.roi = crop_ & cv::Rect({}, size);
+  }
+
+  void ShrinkPictures() {
+    pictures_.push_back(ToBgr8(Crop(frame_.picture, crop_)));
+    for (int i = 0; i < num_halvings_; ++i) pictures_.push_back(Halved(pictures_.back()));
+    model_ = SmallMask(Crop(frame_.model_mask, crop_), small().size());
+  }
+
+  // Trimap (Eq. 9), regions to learn from, and the log-odds that the shape of M gives.
+  void MakeBand() {
+    const cv::Size size = small().size();
+    const cv::Mat1f distance = SignedDistance(model_);
+    double deepest = 0;
+    cv::minMaxLoc(distance, nullptr, &deepest);
+    const double small_size = std::ldexp(actor_size_, -num_halvings_);
+    const auto dilate = static_cast<float>(options_.dilate * small_size);
+    // Something of a thin actor stays, or there would be no certain foreground.
+    const auto erode = static_cast<float>(std::min(options_.erode * small_size, 0.7 * deepest));
+    cv::Mat skeleton(size, CV_8U, cv::Scalar(0));
+    if (!frame_.skeleton_mask.empty()) {
+      skeleton = SmallMask(Crop(frame_.skeleton_mask, crop_), size);
+      if (options_.clip_skeleton) skeleton &= model_;
+    }
+    trimap_.create(size, CV_8U);
+    odds_.create(size);
+    const auto weight = static_cast<float>(options_.weight_shape);
+    for (int y = 0; y < size.height; ++y) {
+      const float* d = distance[y];
+      const uint8_t* is_skeleton = skeleton.ptr(y);
+      uint8_t* trimap = trimap_.ptr(y);
+      float* odds = odds_[y];
+      for (int x = 0; x < size.width; ++x) {
+        if (d[x] > erode || is_skeleton[x]) {
+          trimap[x] = kTrimapForeground;
+        } else if (d[x] > 0) {
+          trimap[x] = kTrimapUnknownForeground;
+        } else {
+          trimap[x] = d[x] < -dilate ? kTrimapBackground : kTrimapUnknownBackground;
+        }
+        odds[x] = weight * std::clamp(d[x] / (d[x] > 0 ? erode : dilate), -1.F, 1.F);
+      }
+    }
+    if (options_.band_colours) {
+      actor_region_ = (distance > kColourErosion * erode) | (trimap_ == kTrimapForeground);
+      background_region_ = trimap_ == kTrimapBackground;
+    } else {
+      actor_region_ = model_ | (trimap_ == kTrimapForeground);
+      background_region_ = ~actor_region_;
+    }
+  }
+
+  // Change since the previous picture, with the background's motion taken out.
+  void FindChange() {
+    if (frame_.previous.empty()) return;
+    if (options_.gamma_motion == 0 && options_.weight_still == 0) return;
+    cv::Matx33d motion = cv::Matx33d::eye();
+    if (frame_.previous_from_current) {
+      motion = *frame_.previous_from_current;
+    } else if (options_.estimate_background_motion) {
+      cv::Mat exclude(frame_.picture.size(), CV_8U, cv::Scalar(0));
+      cv::Mat near = trimap_ != kTrimapBackground;
+      cv::resize(near, near, crop_.size(), 0, 0, cv::INTER_NEAREST);
+      near(cv::Rect({}, result_.roi.size())).copyTo(exclude(result_.roi));
+      motion = EstimateBackgroundMotion(frame_.previous, frame_.picture, exclude).value_or(motion);
+    }
+    cv::Mat before;
+    if (motion == cv::Matx33d::eye()) {
+      before = ToBgr8(Crop(frame_.previous, crop_));
+      for (int i = 0; i < num_halvings_; ++i) before = Halved(before);
+    } else {
+      // From small pixels of the crop to the picture's, centre to centre, then to the one before.
+      const double block = 1 << num_halvings_;
+      const double centre = (block - 1) / 2;
+      const cv::Matx33d picture_from_small(block, 0, crop_.x + centre, 0, block, crop_.y + centre,
+                                           0, 0, 1);
+      cv::Mat source = ToBgr8(frame_.previous);
+      cv::warpPerspective(source, before, motion * picture_from_small, small().size(),
+                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+    }
+    change_ = SquaredChange(small(), before);
+    result_.motion_cue = true;
+    result_.camera_motion = motion != cv::Matx33d::eye();
+    result_.previous_from_current = motion;
+  }
+
+  // Log-odds of pixels that do not come from colours: stillness, and the caller's probability.
+  void AddEvidence() {
+    if (result_.motion_cue && options_.weight_still > 0) {
+      const StillnessOdds still(change_, actor_region_, background_region_);
+      const auto weight = static_cast<float>(options_.weight_still);
+      for (int y = 0; y < odds_.rows; ++y) {
+        const uint16_t* change = change_.ptr<uint16_t>(y);
+        float* odds = odds_[y];
+        for (int x = 0; x < odds_.cols; ++x) odds[x] += weight * still(change[x]);
+      }
+    }
+    if (!frame_.person_probability.empty() && options_.weight_person > 0) {
+      const cv::Mat full = Crop(frame_.person_probability, crop_);
+      cv::Mat1f probability;
+      full.convertTo(probability, CV_32F, full.depth() == CV_8U ? 1.0 / 255 : 1.0);
+      cv::resize(probability, probability, small().size(), 0, 0, cv::INTER_AREA);
+      for (int y = 0; y < odds_.rows; ++y) {
+        for (int x = 0; x < odds_.cols; ++x) {
+          // Also for values that are not numbers: those say nothing.
+          const double p =
+              probability(y, x) >= 0
+                  ? std::clamp<double>(probability(y, x), kMinProbability, 1 - kMinProbability)
+                  : 0.5;
+          odds_(y, x) += static_cast<float>(options_.weight_person * std::log(p / (1 - p)));
+        }
+      }
+    }
+  }
+
+  GridCutProblem Problem(const cv::Mat& bgr) const {
+    GridCutProblem problem;
+    problem.bgr = bgr;
+    problem.gamma = options_.gamma;
+    problem.beta = ContrastBeta(bgr, options_.eight_connected);
+    if (result_.motion_cue) {
+      problem.gamma_motion = options_.gamma_motion;
+      problem.beta_motion = 1 / (2 * std::max(3 * cv::mean(change_)[0], 1.0));
+    }
+    problem.eight_connected = options_.eight_connected;
+    problem.log_odds.create(bgr.size(), CV_32F);
+    return problem;
+  }
+
+  // Rounds of colour models and cut at the small size. False when there is nothing to learn from.
+  bool Cut() {
+    GridCutProblem problem = Problem(small());
+    problem.change = change_;
+    problem.trimap = trimap_;
+    for (int round = 0; round < options_.num_rounds; ++round) {
+      const cv::Mat& actor = round == 0 ? actor_region_ : labels_;
+      const cv::Mat background = round == 0 ? background_region_ : cv::Mat(labels_ == 0);
+      const auto actor_colours = CollectColours(small(), actor, kMaxColours);
+      const auto background_colours = CollectColours(small(), background, kMaxColours);
+      if (actor_colours.size() < kMinColours || background_colours.size() < kMinColours) {
+        return false;
+      }
+      actor_model_.emplace(actor_colours, options_.num_components);
+      background_model_.emplace(background_colours, options_.num_components);
+      colour_odds_.emplace(*actor_model_, *background_model_,
+                           options_.band_colours ? kOutlierShare : 0, !options_.coarse_to_fine);
+      SetLogOdds(0, {}, &problem);
+      labels_ = SolveGridCut(problem).labels;
+    }
+    if (options_.clean) RemoveSpecks(trimap_, cv::countNonZero(model_), &labels_);
+    MeasureConfidence();
+    return true;
+  }
+
+  // All log-odds of the unknown pixels of a picture 2^shift times the small one, offset by `at`.
+  void SetLogOdds(int shift, const cv::Point& at, GridCutProblem* problem) {
+    for (int y = 0; y < problem->bgr.rows; ++y) {
+      const uint8_t* bgr = problem->bgr.ptr(y);
+      const uint8_t* trimap = problem->trimap.ptr(y);
+      const float* other = odds_[(y + at.y) >> shift];
+      float* odds = problem->log_odds.ptr<float>(y);
+      for (int x = 0; x < problem->bgr.cols; ++x) {
+        if (!IsUnknown(trimap[x])) continue;
+        odds[x] = other[(x + at.x) >> shift] + (*colour_odds_)(bgr + 3 * x);
+      }
+    }
+  }
+
+  // How much of the unknown band the colours decide, and as the cut did.
+  void MeasureConfidence() {
+    double agreement = 0;
+    int num_unknown = 0;
+    for (int y = 0; y < trimap_.rows; ++y) {
+      for (int x = 0; x < trimap_.cols; ++x) {
+        if (!IsUnknown(trimap_.ptr(y)[x])) continue;
+        const float odds = (*colour_odds_)(small().ptr(y) + 3 * x);
+        agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
+        ++num_unknown;
+      }
+    }
+    result_.confidence = num_unknown > 0 ? agreement / num_unknown : 0;
+  }
+
+  // Doubles the labels' size and cuts again around the outline.
+  void Refine(int level) {
+    const cv::Mat& bgr = pictures_[static_cast<size_t>(level)];
+    cv::resize(labels_, labels_, bgr.size(), 0, 0, cv::INTER_NEAREST);
+    cv::Rect area = cv::boundingRect(labels_);
+    const int margin = kRefinePx + 1;
+    area = cv::Rect(area.x - margin, area.y - margin, area.width + 2 * margin,
+                    area.height + 2 * margin) &
+           cv::Rect({}, bgr.size());
+    if (area.empty()) return;
+    const cv::Mat guess = labels_(area);
+    cv::Mat most, least;
+    const cv::Mat element =
+        cv::getStructuringElement(cv::MORPH_RECT, {2 * kRefinePx + 1, 2 * kRefinePx + 1});
+    cv::dilate(guess, most, element);
+    cv::erode(guess, least, element);
+    GridCutProblem problem = Problem(bgr(area));
+    // 1 where all pixels around are inside, 0 where none is, else unknown.
+    problem.trimap = least + kTrimapUnknownBackground * (most - least);
+    const int shift = num_halvings_ - level;
+    if (result_.motion_cue) {
+      problem.change.create(area.size(), CV_16U);
+      for (int y = 0; y < area.height; ++y) {
+        const uint16_t* change = change_.ptr<uint16_t>((y + area.y) >> shift);
+        uint16_t* out = problem.change.ptr<uint16_t>(y);
+        for (int x = 0; x < area.width; ++x) out[x] = change[(x + area.x) >> shift];
+      }
+    }
+    SetLogOdds(shift, area.tl(), &problem);
+    SolveGridCut(problem).labels.copyTo(guess);
+  }
+
+  const FrameInput& frame_;
+  const SegmentationOptions& options_;
+  Silhouette result_;
+
+  double actor_size_ = 0;  // at full size
+  int num_halvings_ = 0;
+  cv::Rect crop_;                  // may reach over the picture's right and lower border
+  std::vector<cv::Mat> pictures_;  // the crop, each half the size of the one before
+
+  // At the small size.
+  cv::Mat model_;
+  cv::Mat trimap_;
+  cv::Mat actor_region_;
+  cv::Mat background_region_;
+  cv::Mat1f odds_;  // log-odds of all but the colours
+  cv::Mat change_;  // SquaredChange; empty: no motion cue
+  cv::Mat labels_;  // 1 inside; grows to full size
+
+  std::optional<ColourModel> actor_model_;
+  std::optional<ColourModel> background_model_;
+  std::optional<ColourOdds> colour_odds_;
+};
+
+}  // namespace
+
+Silhouette ExtractSilhouette(const FrameInput& frame, const SegmentationOptions& options) {
+  options.Validate();
+  CheckFrame(frame);
+  return Extraction(frame, options).Run();
+}
+
+Silhouette SilhouetteFromMask(const cv::Mat& mask, const cv::Size& picture_size) {
+  CheckPicture(mask, "external mask");
+  cv::Mat grey = mask;
+  if (mask.channels() > 1) cv::cvtColor(ToBgr8(mask), grey, cv::COLOR_BGR2GRAY);
+  CheckMask(grey, picture_size, "external mask");
+  double largest = 0;
+  cv::minMaxLoc(grey, nullptr, &largest);
+  Silhouette result;
+  result.mask = grey > (largest > 127 ? 127 : 0);
+  result.roi = cv::boundingRect(result.mask);
+  result.state = SilhouetteState::kExternal;
+  result.confidence = 1;
+  return result;
+}
+
+}  // namespace mpc

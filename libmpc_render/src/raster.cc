@@ -2,6 +2,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <bit>
+#include <cstdint>
 #include <vector>
 
 #include "raster_kernel.h"
@@ -24,12 +26,11 @@ struct Weights {
 // A triangle drawn as it is: edge functions over z.
 Weights ScreenWeights(const ScreenTriangle& v) {
   Weights weights;
-  const double scale = 1 / static_cast<double>(DoubleArea(v[0], v[1], v[2]));
   for (size_t i = 0; i < 3; ++i) {
     const ScreenVertex& from = v[(i + 1) % 3];
     const ScreenVertex& to = v[(i + 2) % 3];
-    const double dx = scale * v[i].inverse_z * (to.x - from.x);
-    const double dy = scale * v[i].inverse_z * (to.y - from.y);
+    const double dx = static_cast<double>(v[i].inverse_z) * (to.x - from.x);
+    const double dy = static_cast<double>(v[i].inverse_z) * (to.y - from.y);
     weights.rows.row(static_cast<Eigen::Index>(i)) << -dy * kSubpixels, dx * kSubpixels,
         dy * from.x - dx * from.y;
   }
@@ -45,6 +46,14 @@ Weights RayWeights(const Eigen::Matrix3d& x_in_camera) {
         x_in_camera.col((i + 1) % 3).cross(x_in_camera.col((i + 2) % 3)).transpose();
   }
   return weights;
+}
+
+// 1 / z to z, 0 stays. Without branches, so that it vectorises.
+void InvertSeen(float* values, int count) {
+  for (int i = 0; i < count; ++i) {
+    const uint32_t seen = std::bit_cast<uint32_t>(values[i]) != 0 ? ~0u : 0u;
+    values[i] = std::bit_cast<float>(std::bit_cast<uint32_t>(1 / values[i]) & seen);
+  }
 }
 
 void FillBarycentric(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
@@ -70,8 +79,9 @@ void FillBarycentric(const Camera& camera, const Eigen::Matrix3Xf& positions_in_
       const Eigen::Vector3d scaled = weights.rows * at;
       const double sum = scaled.sum();
       // Snapping and straight edges under distortion add pixels beyond the triangle: its rim.
-      const double b0 = sum != 0 ? std::clamp(scaled[0] / sum, 0.0, 1.0) : 1;
-      const double b1 = sum != 0 ? std::clamp(scaled[1] / sum, 0.0, 1 - b0) : 0;
+      const double scale = sum != 0 ? 1 / sum : 0;
+      const double b0 = std::clamp(scaled[0] * scale, 0.0, 1.0);
+      const double b1 = std::clamp(scaled[1] * scale, 0.0, 1 - b0);
       out[x] = {static_cast<float>(b0), static_cast<float>(b1)};
     }
   }
@@ -103,26 +113,30 @@ void Rasterize(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera
                                static_cast<std::ptrdiff_t>(ids.step1()),
                                camera.width,
                                camera.height};
-  for (int t = 0; t < triangles.cols(); ++t) {
-    const ScreenTriangle triangle = Corners(vertices, triangles.col(t));
-    const VertexState state = TriangleState(triangle);
-    if (state == VertexState::kVisible) {
-      fill(triangle, t, target);
-    } else if (state == VertexState::kNeedsClipping) {
+  const bool clipping = std::any_of(vertices.begin(), vertices.end(), [](const ScreenVertex& v) {
+    return v.state == VertexState::kNeedsClipping;
+  });
+  if (!clipping) {
+    fill(vertices.data(), triangles.data(), static_cast<int>(triangles.cols()), 0, target);
+  } else {
+    // In order: of equally near triangles the first is seen.
+    for (int t = 0; t < triangles.cols(); ++t) {
+      const int* corners = triangles.col(t).data();
+      fill(vertices.data(), corners, 1, t, target);
+      if (TriangleState(Corners(vertices, triangles.col(t))) != VertexState::kNeedsClipping)
+        continue;
       const std::vector<ScreenVertex> polygon =
           ClippedTriangle(camera, positions_in_camera, triangles.col(t), options.near_m);
-      for (size_t i = 2; i < polygon.size(); ++i) {
-        fill({polygon[0], polygon[i - 1], polygon[i]}, t, target);
+      for (int i = 2; i < static_cast<int>(polygon.size()); ++i) {
+        const int fan[3] = {0, i - 1, i};
+        fill(polygon.data(), fan, 1, t, target);
       }
     }
   }
 
   // The kernels compare 1 / z, which needs no division per pixel and triangle.
   for (int y = bounds.y; y < bounds.y + bounds.height; ++y) {
-    float* row = depth.ptr<float>(y) + bounds.x;
-    for (int x = 0; x < bounds.width; ++x) {
-      if (row[x] > 0) row[x] = 1 / row[x];
-    }
+    InvertSeen(depth.ptr<float>(y) + bounds.x, bounds.width);
   }
   if (options.barycentric) {
     FillBarycentric(camera, positions_in_camera, triangles, vertices, bounds, buffers);
@@ -140,7 +154,7 @@ void RasterizeMesh(const Camera& camera, const Eigen::Matrix3Xf& positions_in_ca
 void RasterizeMeshScalar(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                          const Triangles& triangles, const RasterOptions& options,
                          RasterBuffers* buffers) {
-  Rasterize(camera, positions_in_camera, triangles, options, FillTriangleScalar, buffers);
+  Rasterize(camera, positions_in_camera, triangles, options, FillTrianglesScalar, buffers);
 }
 
 cv::Rect ProjectedBounds(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,

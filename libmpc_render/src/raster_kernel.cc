@@ -24,10 +24,13 @@ struct Prepared {
   bool small;
 };
 
-inline bool Prepare(const ScreenTriangle& triangle, const RasterTarget& target, Prepared* p) {
-  p->a = triangle[0];
-  p->b = triangle[1];
-  p->c = triangle[2];
+// False when there is nothing to draw.
+inline bool Prepare(const ScreenVertex* vertices, const int* corners, const RasterTarget& target,
+                    Prepared* p) {
+  p->a = vertices[corners[0]];
+  p->b = vertices[corners[1]];
+  p->c = vertices[corners[2]];
+  if (std::max({p->a.state, p->b.state, p->c.state}) != VertexState::kVisible) return false;
   const int min_x = std::min({p->a.x, p->b.x, p->c.x});
   const int max_x = std::max({p->a.x, p->b.x, p->c.x});
   const int min_y = std::min({p->a.y, p->b.y, p->c.y});
@@ -133,9 +136,12 @@ void FillPrepared(const Prepared& p, int id, const RasterTarget& target) {
 
 }  // namespace
 
-void FillTriangleScalar(const ScreenTriangle& triangle, int id, const RasterTarget& target) {
+void FillTrianglesScalar(const ScreenVertex* vertices, const int* corners, int count, int first_id,
+                         const RasterTarget& target) {
   Prepared p;
-  if (Prepare(triangle, target, &p)) FillPrepared(p, id, target);
+  for (int t = 0; t < count; ++t) {
+    if (Prepare(vertices, corners + 3 * t, target, &p)) FillPrepared(p, first_id + t, target);
+  }
 }
 
 #if MPC_AVX2_KERNEL
@@ -241,21 +247,23 @@ MPC_TARGET_AVX2 void FillLargeAvx2(const Prepared& p, int id, const RasterTarget
   }
 }
 
-MPC_TARGET_AVX2 void FillTriangleAvx2(const ScreenTriangle& triangle, int id,
-                                      const RasterTarget& target) {
+MPC_TARGET_AVX2 void FillTrianglesAvx2(const ScreenVertex* vertices, const int* corners, int count,
+                                       int first_id, const RasterTarget& target) {
   Prepared p;
-  if (!Prepare(triangle, target, &p)) return;
-  if (!p.small) {
-    FillLargeAvx2(p, id, target);
-    return;
-  }
-  // Whole blocks that do not reach beyond the row.
-  const int num_columns = (p.x_last - p.x_begin + 8) / 8;
-  const int x_first = std::min(p.x_begin, target.width - 8 * num_columns);
-  if (x_first < 0) {
-    FillPrepared(p, id, target);
-  } else {
-    FillSmallAvx2(p, id, target, x_first, num_columns);
+  for (int t = 0; t < count; ++t) {
+    if (!Prepare(vertices, corners + 3 * t, target, &p)) continue;
+    if (!p.small) {
+      FillLargeAvx2(p, first_id + t, target);
+      continue;
+    }
+    // Whole columns that do not reach beyond the row.
+    const int num_columns = (p.x_last - p.x_begin + 8) / 8;
+    const int x_first = std::min(p.x_begin, target.width - 8 * num_columns);
+    if (x_first < 0) {
+      FillPrepared(p, first_id + t, target);
+    } else {
+      FillSmallAvx2(p, first_id + t, target, x_first, num_columns);
+    }
   }
 }
 
@@ -263,12 +271,12 @@ MPC_TARGET_AVX2 void FillTriangleAvx2(const ScreenTriangle& triangle, int id,
 
 TriangleKernel BestTriangleKernel() {
   static const bool has_avx2 = __builtin_cpu_supports("avx2");
-  return has_avx2 ? FillTriangleAvx2 : FillTriangleScalar;
+  return has_avx2 ? FillTrianglesAvx2 : FillTrianglesScalar;
 }
 
 #else
 
-TriangleKernel BestTriangleKernel() { return FillTriangleScalar; }
+TriangleKernel BestTriangleKernel() { return FillTrianglesScalar; }
 
 #endif
 

@@ -1,4 +1,4 @@
-// Purpose: one triangle into the depth and id images: the inner loop of the rasteriser.
+// Purpose: triangles into the depth and id images: the inner loop of the rasteriser.
 // Symbols: see screen.h. The images hold 1 / z (0: nothing yet) and ids; the greater 1 / z wins, of
 // equal ones the earlier drawn. Both kernels give the same bits.
 //
@@ -22,10 +22,14 @@ struct RasterTarget {
   int height;
 };
 
-using TriangleKernel = void (*)(const ScreenTriangle& triangle, int id, const RasterTarget& target);
+// Draws `count` triangles of three vertex indices each, with ids from first_id on. Those with a
+// vertex that is not kVisible are left out.
+using TriangleKernel = void (*)(const ScreenVertex* vertices, const int* corners, int count,
+                                int first_id, const RasterTarget& target);
 
 // Tests every pixel of the bounding box.
-void FillTriangleScalar(const ScreenTriangle& triangle, int id, const RasterTarget& target);
+void FillTrianglesScalar(const ScreenVertex* vertices, const int* corners, int count, int first_id,
+                         const RasterTarget& target);
 
 // The fastest kernel this machine runs: eight pixels at a time with AVX2, else the scalar one.
 TriangleKernel BestTriangleKernel();

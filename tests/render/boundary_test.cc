@@ -115,6 +115,18 @@ TEST_F(BoundaryTest, WhatLiesHiddenBehindTheOutlineDoesNotCount) {
   EXPECT_GT(without.vertices.size(), boundary.vertices.size() + 20);
 }
 
+TEST_F(BoundaryTest, OutlinesJustInsideTheMaskDoNotCount) {
+  // The nearer ball's outline runs 1.9 px inside the farther one's.
+  const double angle = std::asin(0.25);
+  const TriangleMesh front = Ball({0, 0, 2}, 0.5, 120, 160);
+  const double wider = std::sin(std::atan(std::tan(angle) + 1.9 / camera_.fx));
+  const ModelBoundary boundary = Find(Joined(front, Ball({0, 0, 6}, 6 * wider, 120, 160)));
+  ASSERT_GT(boundary.vertices.size(), 100u);
+  size_t of_front = 0;
+  for (const int v : boundary.vertices) of_front += v < front.positions.cols();
+  EXPECT_LT(of_front, boundary.vertices.size() / 10);
+}
+
 TEST_F(BoundaryTest, ThePicturesBorderIsNoBoundary) {
   const Eigen::Vector3d centre(-1.6, 0, 3);
   const ModelBoundary boundary = Find(Ball(centre, 0.8, 120, 160));

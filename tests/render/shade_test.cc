@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "render/meshes.h"
 #include "support/expect_error.h"
 
 namespace mpc {
@@ -84,6 +85,54 @@ TEST_F(ShadeTest, ANonFiniteVertexHurtsOnlyItsTriangles) {
   ShadeMesh(camera_, positions_, triangles_, appearance_, 1, &image_);
   EXPECT_GT(image_.at<cv::Vec3b>(20, 45)[0], 90);                  // triangle 0 has no such vertex
   EXPECT_EQ(image_.at<cv::Vec3b>(40, 35), cv::Vec3b(10, 20, 30));  // triangle 1 has
+}
+
+// The share of the picture that a ball of 0.8 m at a place covers, 0 to 1.
+double BallShare(int width, int height, const Eigen::Vector3d& centre) {
+  const Camera camera = Camera::FromFov(width, height, 1);
+  const TriangleMesh ball = testing::Ball(centre, 0.8);
+  cv::Mat image(height, width, CV_8UC3, cv::Scalar(7, 7, 7));
+  MeshAppearance appearance;
+  appearance.ambient = 0.5;
+  ShadeMesh(camera, ball.positions, ball.triangles, appearance, 1, &image);
+  cv::Mat drawn;
+  cv::extractChannel(image != cv::Scalar(7, 7, 7), drawn, 0);
+  return static_cast<double>(cv::countNonZero(drawn)) / static_cast<double>(drawn.total());
+}
+
+TEST_F(ShadeTest, PicturesOfAllSizesShowTheSame) {
+  const double hd = BallShare(1920, 1080, {0.2, 0, 3});
+  EXPECT_GT(hd, 0.2);
+  EXPECT_NEAR(BallShare(3840, 2160, {0.2, 0, 3}), hd, 0.001);
+  EXPECT_NEAR(BallShare(64, 36, {0.2, 0, 3}), hd, 0.02);
+}
+
+TEST_F(ShadeTest, PartlyAndWhollyOutsideThePicture) {
+  const double whole = BallShare(160, 120, {0, 0, 4});
+  const double half = BallShare(160, 120, {4 * std::tan(0.5), 0, 4});
+  EXPECT_NEAR(half, 0.5 * whole, 0.1 * whole);
+  EXPECT_EQ(BallShare(160, 120, {9, 0, 4}), 0);
+  EXPECT_EQ(BallShare(160, 120, {0, 0, -4}), 0);
+  EXPECT_EQ(BallShare(160, 120, {0, 0, 0.1}), 1) << "the camera is inside";
+}
+
+TEST_F(ShadeTest, EmptyMeshLeavesThePictureAlone) {
+  const cv::Mat before = image_.clone();
+  ShadeMesh(camera_, Eigen::Matrix3Xf(3, 0), Triangles(3, 0), appearance_, 1, &image_);
+  EXPECT_EQ(cv::norm(before, image_, cv::NORM_INF), 0);
+}
+
+TEST_F(ShadeTest, ColoursSurviveClippingAtTheNearPlane) {
+  // A floor from behind the camera to far ahead, coloured by distance: red grows with z.
+  positions_ << -3, 3, 3, -3, 1, 1, 1, 1, -10, -10, 10, 10;
+  appearance_.vertex_bgr.resize(3, 4);
+  appearance_.vertex_bgr << 0, 0, 0, 0, 0, 0, 0, 0, -200, -200, 200, 200;
+  ShadeMesh(camera_, positions_, triangles_, appearance_, 1, &image_);
+  for (const int y : {40, 45, 50, 59}) {
+    const double z = camera_.fy / (y - camera_.cy);  // the floor is 1 m below
+    EXPECT_NEAR(image_.at<cv::Vec3b>(y, 40)[2], 20 * z, 2) << y;
+    EXPECT_NEAR(image_.at<cv::Vec3b>(y, 38)[2], 20 * z, 2) << y;
+  }
 }
 
 TEST_F(ShadeTest, MisuseIsRefused) {

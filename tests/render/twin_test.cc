@@ -86,18 +86,20 @@ TEST_F(TwinTest, LensDistortion) {
 }
 
 TEST_F(TwinTest, VerticesOnPixelCentresAndEdges) {
-  std::uniform_int_distribution<int> half_pixel(0, 80);
-  Camera camera = Camera::FromFov(40, 40, 1);
-  camera.fx = camera.fy = 32;  // exact in binary
-  camera.cx = camera.cy = 0;
-  for (int round = 0; round < 100; ++round) {
-    TriangleMesh mesh = Tangle(12, 12, 1, {0, 0, 2}, &random_);
-    for (int v = 0; v < 12; ++v) {
-      const float z = v % 2 == 0 ? 1 : 2;
-      mesh.positions.col(v) << z * static_cast<float>(half_pixel(random_)) / 64,
-          z * static_cast<float>(half_pixel(random_)) / 64, z;
+  for (const int side : {40, 300}) {
+    std::uniform_int_distribution<int> half_pixel(0, 2 * side);
+    Camera camera = Camera::FromFov(side, side, 1);
+    camera.fx = camera.fy = 32;  // exact in binary
+    camera.cx = camera.cy = 0;
+    for (int round = 0; round < 60; ++round) {
+      TriangleMesh mesh = Tangle(12, 12, 1, {0, 0, 2}, &random_);
+      for (int v = 0; v < 12; ++v) {
+        const float z = v % 2 == 0 ? 1 : 2;
+        mesh.positions.col(v) << z * static_cast<float>(half_pixel(random_)) / 64,
+            z * static_cast<float>(half_pixel(random_)) / 64, z;
+      }
+      Check(camera, mesh);
     }
-    Check(camera, mesh);
   }
 }
 

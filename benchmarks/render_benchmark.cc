@@ -10,8 +10,8 @@
 
 #include "mpc/render/boundary.h"
 #include "mpc/render/draw.h"
-#include "mpc/render/raster.h"
 #include "mpc/render/model_mask.h"
+#include "mpc/render/raster.h"
 
 namespace {
 

@@ -13,6 +13,11 @@ namespace {
 
 constexpr int kMaxBoundRounds = 2;     // times a step is solved again around the bounds it meets
 constexpr double kBoundSlack = 0.005;  // rad; less is clipped
+// Schur complements up to this size are factorised: at 33 dofs those of up to 9 basis vectors.
+constexpr int kMaxDirectSize = 300;
+// Conjugate gradients end at this residual, relative; all their iterates lower the model's cost.
+constexpr double kCoefficientTolerance = 1e-6;
+constexpr int kMaxCoefficientIterations = 500;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 
 std::vector<Eigen::Matrix3d> RootRotations(const Eigen::MatrixXd& poses) {
@@ -51,7 +56,7 @@ class BatchState {
   void Linearize(int f, FrameScratch* scratch, Eigen::MatrixXd* hessian,
                  Eigen::VectorXd* gradient) {
     PosePoint& point = points_[f];
-    JointJacobian(problem_.skeleton, point.state, &point.joint_jacobian);
+    point.UpdateJacobian(problem_.skeleton);
     EvaluateFrame(problem_.frames[f], point, scratch, hessian, gradient);
     const Eigen::Matrix3d chart = chart_.Jacobian(s.block<3, 1>(3, f));
     hessian->middleCols<3>(3) = (hessian->middleCols<3>(3) * chart).eval();
@@ -81,10 +86,44 @@ class BatchState {
   Eigen::MatrixXd penalized_;  // S M, N x F: the gradient of E_d without its weight
 };
 
-// The Gauss-Newton system of one linearisation and its damped solution by the Schur complement in C.
+// y -= factor * x. A plain loop: the vectors are so short that Eigen's preparations would cost more.
+void Subtract(Eigen::Index size, double factor, const double* __restrict x, double* __restrict y) {
+  for (Eigen::Index i = 0; i < size; ++i) y[i] -= factor * x[i];
+}
+
+// Replaces a symmetric positive definite matrix by its inverse (the sweep operator, on the lower
+// half); false when it is not positive definite. The last dofs go first: limbs do not touch one
+// another, so that most columns are not touched by their pivots.
+bool InvertInPlace(Eigen::MatrixXd* matrix, Eigen::VectorXd* scratch) {
+  const Eigen::Index size = matrix->rows();
+  Eigen::VectorXd& pivot_column = *scratch;
+  pivot_column.resize(size);
+  for (Eigen::Index k = size - 1; k >= 0; --k) {
+    pivot_column.head(k) = matrix->row(k).head(k);
+    pivot_column.tail(size - k) = matrix->col(k).tail(size - k);
+    const double pivot = pivot_column[k];
+    if (!(pivot > 0)) return false;
+    for (Eigen::Index j = 0; j < size; ++j) {
+      if (pivot_column[j] == 0) continue;
+      Subtract(size - j, pivot_column[j] / pivot, &pivot_column[j], &(*matrix)(j, j));
+    }
+    pivot_column /= pivot;
+    matrix->row(k).head(k) = pivot_column.head(k);
+    matrix->col(k).tail(size - k) = pivot_column.tail(size - k);
+    (*matrix)(k, k) = -1 / pivot;
+  }
+  matrix->triangularView<Eigen::Lower>() = -*matrix;
+  matrix->triangularView<Eigen::StrictlyUpper>() = matrix->transpose();
+  return true;
+}
+
+// The Gauss-Newton system of one linearisation and its damped solution: the frames are eliminated,
+// which leaves the Schur complement in C. A small one is factorised. A large one is never formed but
+// solved by conjugate gradients: its product with a vector is one small matrix product per frame,
+// and because the frames of a batch resemble each other their mean is a good preconditioner.
 class ArrowSystem {
  public:
-  ArrowSystem(const BatchProblem& problem)
+  explicit ArrowSystem(const BatchProblem& problem)
       : basis_(problem.basis),
         weights_(problem.smoothness),
         band_(problem.band_penalty.array() / (1 - problem.band_penalty.array())),
@@ -94,93 +133,151 @@ class ArrowSystem {
         hessians(problem.frames.size(), Eigen::MatrixXd(num_dofs_, num_dofs_)),
         gradients(num_dofs_, num_frames_),
         pinned(num_dofs_, num_frames_),
-        pinned_step(Eigen::MatrixXd::Zero(num_dofs_, num_frames_)),
+        pinned_step(num_dofs_, num_frames_),
         inverses_(problem.frames.size(), Eigen::MatrixXd(num_dofs_, num_dofs_)),
-        packed_(num_frames_, num_dofs_ * (num_dofs_ + 1) / 2) {
-    // Products d_k d_l per frame, packed over k >= l: the Schur complement is one matrix product.
-    products_.resize(num_basis_ * (num_basis_ + 1) / 2, num_frames_);
-    int row = 0;
-    for (int k = 0; k < num_basis_; ++k) {
-      for (int l = 0; l <= k; ++l) {
-        products_.row(row++) = basis_.row(k).cwiseProduct(basis_.row(l));
+        stiffness_(num_dofs_ * num_dofs_, num_frames_),
+        preconditioner_(SolvesDirectly() ? 0 : num_basis_, Eigen::MatrixXd(num_dofs_, num_dofs_)),
+        eliminated_(num_dofs_, num_frames_),
+        stiff_frames_(num_dofs_, num_frames_) {
+    if (!SolvesDirectly()) return;
+    products_.resize(num_frames_, num_basis_ * (num_basis_ + 1) / 2);
+    int column = 0;
+    for (int l = 0; l < num_basis_; ++l) {
+      for (int k = l; k < num_basis_; ++k) {
+        products_.col(column++) = basis_.row(k).cwiseProduct(basis_.row(l));
       }
     }
   }
 
-  // Step of S (N x F) for the current linearisation; false when the system is not positive definite.
-  bool Solve(double damping, Eigen::MatrixXd* step) {
-    const int n2 = num_dofs_ * num_basis_;
-    Eigen::MatrixXd rhs = Eigen::MatrixXd::Zero(num_basis_, num_dofs_);
-    step->resize(num_dofs_, num_frames_);
+  // Eliminates all frames for a damping and the dofs pinned now; false when the system is not
+  // positive definite. The coefficients start from zero.
+  bool Prepare(double damping) {
+    coefficients_.setZero(num_dofs_, num_basis_);
     for (int f = 0; f < num_frames_; ++f) {
-      Eigen::MatrixXd block = hessians[f];
-      // Damping on the data's own scale: E_d's stiffness does not resist moves inside the subspace.
-      // The floor keeps dofs that no residual sees solvable.
-      block.diagonal() *= 1 + damping;
-      block.diagonal() += (1 + 1e-8) * weights_;
-      block.diagonal().array() += 1e-9 * hessians[f].diagonal().maxCoeff();
-      Eigen::VectorXd descent = -gradients.col(f);
-      for (int n = 0; n < num_dofs_; ++n) {
-        if (pinned(n, f)) descent -= block.col(n) * pinned_step(n, f);
-      }
-      for (int n = 0; n < num_dofs_; ++n) {
-        if (!pinned(n, f)) continue;
-        block.row(n).setZero();
-        block.col(n).setZero();
-        block(n, n) = 1;
-      }
-      const Eigen::LLT<Eigen::MatrixXd> llt(block);
-      if (llt.info() != Eigen::Success) return false;
-      Eigen::MatrixXd& inverse = inverses_[f];
-      inverse.setIdentity();
-      llt.solveInPlace(inverse);
-      for (int n = 0; n < num_dofs_; ++n) {
-        if (pinned(n, f)) inverse(n, n) = 0;
-      }
-      // E_f = W - W B_f^-1 W, the form that stays accurate for stiff W.
-      int column = 0;
-      for (int m = 0; m < num_dofs_; ++m) {
-        for (int n = 0; n <= m; ++n) {
-          packed_(f, column++) =
-              (m == n ? weights_[n] : 0.0) - weights_[m] * inverse(m, n) * weights_[n];
-        }
-      }
-      step->col(f).noalias() = inverse * descent;
-      for (int n = 0; n < num_dofs_; ++n) {
-        if (pinned(n, f)) (*step)(n, f) = pinned_step(n, f);
-      }
-      rhs.noalias() += basis_.col(f) * (weights_.cwiseProduct(step->col(f))).transpose();
+      if (!Eliminate(f, damping)) return false;
     }
-    const Eigen::MatrixXd blocks = products_ * packed_;
-    Eigen::MatrixXd schur(n2, n2);
-    int column = 0;
-    for (int m = 0; m < num_dofs_; ++m) {
-      for (int n = 0; n <= m; ++n, ++column) {
-        int row = 0;
-        for (int k = 0; k < num_basis_; ++k) {
-          for (int l = 0; l <= k; ++l, ++row) {
-            const double value = blocks(row, column);
-            schur(m * num_basis_ + k, n * num_basis_ + l) = value;
-            schur(m * num_basis_ + l, n * num_basis_ + k) = value;
-          }
-        }
-      }
+    return true;
+  }
+
+  // Eliminates one frame, again when its pinned dofs have changed: B_f^-1, E_f = W - W B_f^-1 W (the
+  // form that stays accurate for stiff W) and s_f = -B_f^-1 g_f.
+  bool Eliminate(int f, double damping) {
+    Eigen::MatrixXd& inverse = inverses_[f];
+    inverse = hessians[f];
+    // Damping on the data's own scale: E_d's stiffness does not resist moves inside the subspace.
+    // The floor keeps dofs that no residual sees solvable.
+    inverse.diagonal() *= 1 + damping;
+    inverse.diagonal() += (1 + 1e-8) * weights_;
+    inverse.diagonal().array() += 1e-9 * hessians[f].diagonal().maxCoeff();
+    descent_ = -gradients.col(f);
+    for (int n = 0; n < num_dofs_; ++n) {
+      if (pinned(n, f)) descent_ -= inverse.col(n) * pinned_step(n, f);
     }
     for (int n = 0; n < num_dofs_; ++n) {
-      schur.diagonal().segment(n * num_basis_, num_basis_) += weights_[n] * band_;
+      if (!pinned(n, f)) continue;
+      inverse.row(n).setZero();
+      inverse.col(n).setZero();
+      inverse(n, n) = 1;
     }
-    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(schur);
-    if (llt.info() != Eigen::Success) return false;
-    Eigen::Map<Eigen::VectorXd> coefficients(rhs.data(), n2);
-    llt.solveInPlace(coefficients);
-    for (int f = 0; f < num_frames_; ++f) {
-      const Eigen::VectorXd pull = weights_.cwiseProduct(rhs.transpose() * basis_.col(f));
-      step->col(f).noalias() += inverses_[f] * pull;
+    if (!InvertInPlace(&inverse, &scratch_)) return false;
+    for (int n = 0; n < num_dofs_; ++n) {
+      if (pinned(n, f)) inverse(n, n) = 0;
     }
+    auto stiffness = Stiffness(f);
+    stiffness = -(weights_.asDiagonal() * inverse * weights_.asDiagonal());
+    stiffness.diagonal() += weights_;
+    eliminated_.col(f).noalias() = inverse * descent_;
+    for (int n = 0; n < num_dofs_; ++n) {
+      if (pinned(n, f)) eliminated_(n, f) = pinned_step(n, f);
+    }
+    return true;
+  }
+
+  // Step of S (N x F); false when the system is not positive definite.
+  bool Solve(Eigen::MatrixXd* step) {
+    const Eigen::MatrixXd rhs = weights_.asDiagonal() * (eliminated_ * basis_.transpose());
+    if (!(SolvesDirectly() ? Factorize(rhs) : Iterate(rhs))) return false;
+    const Eigen::MatrixXd pull = weights_.asDiagonal() * (coefficients_ * basis_);
+    *step = eliminated_;
+    for (int f = 0; f < num_frames_; ++f) step->col(f).noalias() += inverses_[f] * pull.col(f);
     return step->allFinite();
   }
 
  private:
+  bool SolvesDirectly() const { return num_dofs_ * num_basis_ <= kMaxDirectSize; }
+
+  Eigen::Map<Eigen::MatrixXd> Stiffness(int f) {
+    return {stiffness_.col(f).data(), num_dofs_, num_dofs_};
+  }
+
+  // Cholesky factorisation. All blocks (k, l) of the Schur complement come from one matrix product.
+  bool Factorize(const Eigen::MatrixXd& rhs) {
+    const Eigen::MatrixXd blocks = stiffness_ * products_;
+    Eigen::MatrixXd schur(rhs.size(), rhs.size());
+    int column = 0;
+    for (int l = 0; l < num_basis_; ++l) {
+      for (int k = l; k < num_basis_; ++k) {
+        schur.block(k * num_dofs_, l * num_dofs_, num_dofs_, num_dofs_) =
+            blocks.col(column++).reshaped(num_dofs_, num_dofs_);
+      }
+      schur.diagonal().segment(l * num_dofs_, num_dofs_) += band_[l] * weights_;
+    }
+    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(schur);
+    if (llt.info() != Eigen::Success) return false;
+    coefficients_ = rhs;
+    Eigen::Map<Eigen::VectorXd> solution(coefficients_.data(), coefficients_.size());
+    llt.solveInPlace(solution);
+    return true;
+  }
+
+  // The Schur complement times C (N x K): sum_f E_f C d_f d_f^T + W C diag(beta).
+  void Multiply(const Eigen::MatrixXd& c, Eigen::MatrixXd* product) {
+    frames_.noalias() = c * basis_;
+    for (int f = 0; f < num_frames_; ++f) {
+      stiff_frames_.col(f).noalias() = Stiffness(f) * frames_.col(f);
+    }
+    product->noalias() = stiff_frames_ * basis_.transpose();
+    *product += weights_.asDiagonal() * c * band_.asDiagonal();
+  }
+
+  void Precondition(const Eigen::MatrixXd& residual, Eigen::MatrixXd* result) const {
+    for (int k = 0; k < num_basis_; ++k) {
+      result->col(k).noalias() = preconditioner_[k] * residual.col(k);
+    }
+  }
+
+  // Conjugate gradients, from the coefficients so far.
+  bool Iterate(const Eigen::MatrixXd& rhs) {
+    const Eigen::VectorXd mean = stiffness_.rowwise().mean();
+    for (int k = 0; k < num_basis_; ++k) {
+      preconditioner_[k] = mean.reshaped(num_dofs_, num_dofs_);
+      preconditioner_[k].diagonal() += band_[k] * weights_;
+      if (!InvertInPlace(&preconditioner_[k], &scratch_)) return false;
+    }
+    Eigen::MatrixXd z(num_dofs_, num_basis_);
+    Eigen::MatrixXd product;
+    Precondition(rhs, &z);
+    const double goal = kCoefficientTolerance * kCoefficientTolerance * rhs.cwiseProduct(z).sum();
+    Multiply(coefficients_, &product);
+    Eigen::MatrixXd residual = rhs - product;
+    Precondition(residual, &z);
+    Eigen::MatrixXd direction = z;
+    double rz = residual.cwiseProduct(z).sum();
+    for (int i = 0; i < kMaxCoefficientIterations && rz > goal; ++i) {
+      Multiply(direction, &product);
+      const double curvature = direction.cwiseProduct(product).sum();
+      if (!(curvature > 0)) return false;
+      const double length = rz / curvature;
+      coefficients_ += length * direction;
+      residual -= length * product;
+      Precondition(residual, &z);
+      const double next = residual.cwiseProduct(z).sum();
+      direction = z + next / rz * direction;
+      rz = next;
+    }
+    return true;
+  }
+
   const Eigen::MatrixXd& basis_;
   const Eigen::VectorXd& weights_;
   Eigen::VectorXd band_;  // K: stiffness of the coefficients themselves
@@ -195,9 +292,16 @@ class ArrowSystem {
   Eigen::MatrixXd pinned_step;                                // N x F: the way to that bound
 
  private:
-  std::vector<Eigen::MatrixXd> inverses_;
-  Eigen::MatrixXd packed_;    // F x N(N+1)/2
-  Eigen::MatrixXd products_;  // K(K+1)/2 x F
+  std::vector<Eigen::MatrixXd> inverses_;        // F: B_f^-1
+  Eigen::MatrixXd stiffness_;                    // N^2 x F: E_f
+  Eigen::MatrixXd products_;                     // F x K(K+1)/2: d_k d_l, k >= l
+  std::vector<Eigen::MatrixXd> preconditioner_;  // K: of C's columns
+  Eigen::MatrixXd eliminated_;                   // N x F: s_f
+  Eigen::MatrixXd coefficients_;                 // N x K: dC
+  Eigen::VectorXd descent_;
+  Eigen::VectorXd scratch_;
+  Eigen::MatrixXd frames_;        // N x F: C D
+  Eigen::MatrixXd stiff_frames_;  // N x F: E_f (C D)_f
 };
 
 // The damped step with the dofs that would leave their bounds ending there instead, and the others
@@ -205,20 +309,24 @@ class ArrowSystem {
 bool SolveWithinBounds(const Eigen::MatrixXd& s, const Eigen::VectorXd& lower,
                        const Eigen::VectorXd& upper, double damping, ArrowSystem* system,
                        Eigen::MatrixXd* step) {
+  if (!system->Prepare(damping)) return false;
   for (int round = 0;; ++round) {
-    if (!system->Solve(damping, step)) return false;
+    if (!system->Solve(step)) return false;
     if (round == kMaxBoundRounds) return true;
     bool changed = false;
     for (int f = 0; f < s.cols(); ++f) {
+      bool met = false;
       for (int n = 6; n < s.rows(); ++n) {
         const double end = s(n, f) + (*step)(n, f);
         if (system->pinned(n, f) ||
             (end >= lower[n] - kBoundSlack && end <= upper[n] + kBoundSlack)) {
           continue;
         }
-        system->pinned(n, f) = changed = true;
+        system->pinned(n, f) = met = true;
         system->pinned_step(n, f) = (end < lower[n] ? lower[n] : upper[n]) - s(n, f);
       }
+      if (met && !system->Eliminate(f, damping)) return false;
+      changed = changed || met;
     }
     if (!changed) return true;
   }

@@ -18,15 +18,21 @@ bool BoneVectorEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::Vecto
   int row = first_row;
   for (const BoneObservation& bone : bones_) {
     const double weight = std::sqrt(bone.weight);
-    const Eigen::Matrix3d metric = weight * metric_;
+    Eigen::Matrix3d metric = weight * metric_;
     r->segment<3>(row) =
         metric * (at.state.joints.col(bone.b) - at.state.joints.col(bone.a) - bone.vector);
+    ApplyRobustLoss<3>(weight * robust_scale_, r->segment<3>(row),
+                       jacobian != nullptr ? &metric : nullptr);
     if (jacobian != nullptr) {
-      jacobian->middleRows<3>(row).noalias() =
-          metric * (at.joint_jacobian.middleRows<3>(3 * bone.b) -
-                    at.joint_jacobian.middleRows<3>(3 * bone.a));
+      for (const int n : at.joint_dofs[bone.b]) {
+        jacobian->block<3, 1>(row, n).noalias() =
+            metric * at.joint_jacobian.block<3, 1>(3 * bone.b, n);
+      }
+      for (const int n : at.joint_dofs[bone.a]) {
+        jacobian->block<3, 1>(row, n).noalias() -=
+            metric * at.joint_jacobian.block<3, 1>(3 * bone.a, n);
+      }
     }
-    ApplyRobustLoss(weight * robust_scale_, row, 3, r, jacobian);
     row += 3;
   }
   return true;

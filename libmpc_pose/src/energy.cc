@@ -1,29 +1,26 @@
 #include "mpc/pose/energy.h"
 
-#include <cmath>
+#include <algorithm>
 
 namespace mpc {
 
 void PosePoint::Update(const Skeleton& skeleton, bool with_jacobian) {
   ForwardKinematics(skeleton, pose, root_rotation, &state);
-  if (with_jacobian) JointJacobian(skeleton, state, &joint_jacobian);
+  if (with_jacobian) UpdateJacobian(skeleton);
 }
 
-void ApplyRobustLoss(double c, int first_row, int size, Eigen::VectorXd* r,
-                     Eigen::MatrixXd* jacobian) {
-  if (c <= 0) return;
-  auto block = r->segment(first_row, size);
-  const double q = 1 / (1 + block.squaredNorm() / (c * c));
-  const double scale = std::sqrt(q);
-  if (jacobian != nullptr) {
-    // d (s r) = s (I - q r r^T / c^2) dr with s = q^(1/2).
-    auto rows = jacobian->middleRows(first_row, size);
-    for (int n = 0; n < rows.cols(); ++n) {
-      const double along = block.dot(rows.col(n)) * q / (c * c);
-      rows.col(n) = scale * (rows.col(n) - along * block);
+void PosePoint::UpdateJacobian(const Skeleton& skeleton) {
+  JointJacobian(skeleton, state, &joint_jacobian);
+  joint_dofs.resize(skeleton.num_joints());
+  for (int j = 0; j < skeleton.num_joints(); ++j) {
+    std::vector<int>& dofs = joint_dofs[j];
+    dofs.clear();
+    for (int s = skeleton.joints[j].segment; s > 0; s = skeleton.segments[s].parent) {
+      for (int h = state.hinge_begin[s + 1]; h > state.hinge_begin[s]; --h) dofs.push_back(5 + h);
     }
+    for (int n = 5; n >= 0; --n) dofs.push_back(n);
+    std::reverse(dofs.begin(), dofs.end());
   }
-  block *= scale;
 }
 
 }  // namespace mpc

@@ -1,6 +1,9 @@
 #include "mpc/pose/frame_problem.h"
 
+#include <algorithm>
+#include <iterator>
 #include <limits>
+#include <numeric>
 
 namespace mpc {
 
@@ -17,6 +20,69 @@ FrameProblem FrameProblem::Restricted(const std::vector<int>& joint_index,
   restricted.rest_prior = rest_prior.Restricted(hinges);
   return restricted;
 }
+
+namespace {
+
+// J^T J (its lower half) and J^T r of `rows` rows that depend on few dofs.
+void AddRows(const FrameScratch& scratch, int first_row, int rows, const std::vector<int>& dofs,
+             Eigen::MatrixXd* hessian, Eigen::VectorXd* gradient) {
+  const double* const residuals = scratch.residuals.data() + first_row;
+  for (size_t j = 0; j < dofs.size(); ++j) {
+    const double* const a = &scratch.jacobian(first_row, dofs[j]);
+    double* const column = hessian->col(dofs[j]).data();
+    for (int k = 0; k < rows; ++k) (*gradient)[dofs[j]] += a[k] * residuals[k];
+    for (size_t i = j; i < dofs.size(); ++i) {
+      const double* const b = &scratch.jacobian(first_row, dofs[i]);
+      double sum = 0;
+      for (int k = 0; k < rows; ++k) sum += a[k] * b[k];
+      column[dofs[i]] += sum;
+    }
+  }
+}
+
+void AddNormalEquations(const FrameProblem& problem, const PosePoint& at, FrameScratch* scratch,
+                        Eigen::MatrixXd* hessian, Eigen::VectorXd* gradient) {
+  const int num_dofs = static_cast<int>(at.pose.size());
+  hessian->setZero(num_dofs, num_dofs);
+  gradient->setZero(num_dofs);
+  int row = 0;
+  for (const Observation2d& point : problem.reprojection.observations()) {
+    AddRows(*scratch, row, 2, at.joint_dofs[point.joint], hessian, gradient);
+    row += 2;
+  }
+  std::vector<int>& dofs = scratch->dofs;
+  dofs.resize(num_dofs);
+  std::iota(dofs.begin(), dofs.end(), 0);
+  AddRows(*scratch, row, problem.joint_positions.num_residuals(), dofs, hessian, gradient);
+  row += problem.joint_positions.num_residuals();
+  for (const BoneObservation& bone : problem.bone_vectors.bones()) {
+    const std::vector<int>& a = at.joint_dofs[bone.a];
+    const std::vector<int>& b = at.joint_dofs[bone.b];
+    // The root's translation moves both ends alike.
+    dofs.clear();
+    std::set_union(a.begin() + 3, a.end(), b.begin() + 3, b.end(), std::back_inserter(dofs));
+    AddRows(*scratch, row, 3, dofs, hessian, gradient);
+    row += 3;
+  }
+  // A prior's row is about one dof, or about the three of the root's rotation.
+  const auto add_diagonal = [&](int first_dof, int count) {
+    for (int i = 0; i < count; ++i, ++row) {
+      const double derivative = scratch->jacobian(row, first_dof + i);
+      (*hessian)(first_dof + i, first_dof + i) += derivative * derivative;
+      (*gradient)[first_dof + i] += derivative * scratch->residuals[row];
+    }
+  };
+  add_diagonal(6, problem.rest_prior.num_residuals());
+  if (problem.track_prior.num_residuals() > 0) {
+    add_diagonal(0, 3);
+    AddRows(*scratch, row, 3, {3, 4, 5}, hessian, gradient);
+    row += 3;
+    add_diagonal(6, num_dofs - 6);
+  }
+  hessian->triangularView<Eigen::StrictlyUpper>() = hessian->transpose();
+}
+
+}  // namespace
 
 double EvaluateFrame(const FrameProblem& problem, const PosePoint& at, FrameScratch* scratch,
                      Eigen::MatrixXd* hessian, Eigen::VectorXd* gradient) {
@@ -37,12 +103,7 @@ double EvaluateFrame(const FrameProblem& problem, const PosePoint& at, FrameScra
       !add(problem.rest_prior) || !add(problem.track_prior)) {
     return std::numeric_limits<double>::infinity();
   }
-  if (hessian != nullptr) {
-    hessian->setZero(at.pose.size(), at.pose.size());
-    hessian->selfadjointView<Eigen::Lower>().rankUpdate(jacobian->transpose());
-    hessian->triangularView<Eigen::StrictlyUpper>() = hessian->transpose();
-    gradient->noalias() = jacobian->transpose() * scratch->residuals;
-  }
+  if (hessian != nullptr) AddNormalEquations(problem, at, scratch, hessian, gradient);
   return scratch->residuals.squaredNorm();
 }
 

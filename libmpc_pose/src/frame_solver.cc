@@ -72,7 +72,7 @@ SolveSummary SolveFrame(const Skeleton& skeleton, const FrameProblem& problem,
       cost = summary.final_cost = trial_cost;
       damping = std::max(damping / 5, 1e-8);
       if (decrease < options.relative_tolerance) return finish(Termination::kConverged);
-      JointJacobian(skeleton, current.state, &current.joint_jacobian);
+      current.UpdateJacobian(skeleton);
       EvaluateFrame(problem, current, &scratch->evaluation, &scratch->hessian, &scratch->gradient);
     } else {
       damping *= 8;

@@ -223,6 +223,7 @@ void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initia
       for (int f = begin; f < end; ++f) frames.push_back(&candidates[f][l]);
       const std::vector<int> path = BestPath(frames, 1 / fps);
       for (int f = begin; f < end; ++f) {
+        if (path[f - begin] == 0) continue;  // as it is
         const Candidate& chosen = candidates[f][l][path[f - begin]];
         for (size_t h = 0; h < limbs[l].hinges.size(); ++h) {
           (*poses)(6 + limbs[l].hinges[h], f) = chosen.angles[h];

@@ -18,7 +18,7 @@ bool ReprojectionEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::Vec
   int row = first_row;
   for (const Observation2d& observation : observations_) {
     Eigen::Vector2d pixel;
-    Eigen::Matrix<double, 2, 3> projection;
+    Eigen::Matrix<double, 2, 3> projection = Eigen::Matrix<double, 2, 3>::Zero();
     if (!Project(camera_, at.state.joints.col(observation.joint), &pixel,
                  jacobian != nullptr ? &projection : nullptr)) {
       return false;
@@ -26,11 +26,15 @@ bool ReprojectionEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::Vec
     const double weight = std::sqrt(observation.weight);
     const double scale = weight * unit_per_px_;
     r->segment<2>(row) = scale * (pixel - observation.pixel);  // E_2d
+    projection *= scale;
+    ApplyRobustLoss<2>(weight * robust_scale_, r->segment<2>(row),
+                       jacobian != nullptr ? &projection : nullptr);
     if (jacobian != nullptr) {
-      jacobian->middleRows<2>(row).noalias() =
-          (scale * projection) * at.joint_jacobian.middleRows<3>(3 * observation.joint);
+      for (const int n : at.joint_dofs[observation.joint]) {
+        jacobian->block<2, 1>(row, n).noalias() =
+            projection * at.joint_jacobian.block<3, 1>(3 * observation.joint, n);
+      }
     }
-    ApplyRobustLoss(weight * robust_scale_, row, 2, r, jacobian);
     row += 2;
   }
   return true;

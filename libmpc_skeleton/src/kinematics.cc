@@ -23,6 +23,25 @@ Eigen::Matrix3d AxisRotation(const Eigen::Vector3d& axis, double angle) {
   return rotation;
 }
 
+// The columns of a point's Jacobian that are not zero, into 3 rows of a matrix that begin at `rows`.
+void FillPointJacobian(const Skeleton& skeleton, const KinematicState& state, int segment,
+                       const Eigen::Vector3d& x_in_body, double* rows, Eigen::Index stride) {
+  const auto column = [&](Eigen::Index n) {
+    return Eigen::Map<Eigen::Vector3d>(rows + n * stride);
+  };
+  const Eigen::Vector3d from_root = x_in_body - state.origins.col(0);
+  for (int axis = 0; axis < 3; ++axis) {
+    column(axis) = Eigen::Vector3d::Unit(axis);
+    column(3 + axis) = Eigen::Vector3d::Unit(axis).cross(from_root);
+  }
+  for (int s = segment; s > 0; s = skeleton.segments[s].parent) {
+    const Eigen::Vector3d lever = x_in_body - state.origins.col(s);
+    for (int h = state.hinge_begin[s]; h < state.hinge_begin[s + 1]; ++h) {
+      column(6 + h) = state.hinge_axes.col(h).cross(lever);
+    }
+  }
+}
+
 }  // namespace
 
 void ForwardKinematics(const Skeleton& skeleton, const Eigen::VectorXd& pose,
@@ -80,26 +99,16 @@ void ForwardKinematics(const Skeleton& skeleton, const Eigen::VectorXd& pose,
 void PointJacobian(const Skeleton& skeleton, const KinematicState& state, int segment,
                    const Eigen::Vector3d& x_in_body, Eigen::Ref<Eigen::MatrixXd> jacobian) {
   jacobian.setZero();
-  jacobian.leftCols<3>().setIdentity();
-  const Eigen::Vector3d from_root = x_in_body - state.origins.col(0);
-  for (int axis = 0; axis < 3; ++axis) {
-    jacobian.col(3 + axis) = Eigen::Vector3d::Unit(axis).cross(from_root);
-  }
-  for (int s = segment; s > 0; s = skeleton.segments[s].parent) {
-    const Eigen::Vector3d lever = x_in_body - state.origins.col(s);
-    for (int h = state.hinge_begin[s]; h < state.hinge_begin[s + 1]; ++h) {
-      jacobian.col(6 + h) = state.hinge_axes.col(h).cross(lever);
-    }
-  }
+  FillPointJacobian(skeleton, state, segment, x_in_body, jacobian.data(), jacobian.outerStride());
 }
 
 void JointJacobian(const Skeleton& skeleton, const KinematicState& state,
                    Eigen::MatrixXd* jacobian) {
   const int num_joints = skeleton.num_joints();
-  jacobian->resize(3 * num_joints, skeleton.num_dofs());
+  jacobian->setZero(3 * num_joints, skeleton.num_dofs());
   for (int j = 0; j < num_joints; ++j) {
-    PointJacobian(skeleton, state, skeleton.joints[j].segment, state.joints.col(j),
-                  jacobian->middleRows<3>(3 * j));
+    FillPointJacobian(skeleton, state, skeleton.joints[j].segment, state.joints.col(j),
+                      jacobian->data() + 3 * j, jacobian->outerStride());
   }
 }
 

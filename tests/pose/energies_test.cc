@@ -119,6 +119,25 @@ TEST_F(EnergiesTest, JacobiansEqualAutomaticDifferentiation) {
   }
 }
 
+// The normal equations are summed over the dofs that rows depend on, never over whole rows.
+TEST_F(EnergiesTest, NormalEquationsAreThoseOfAllRows) {
+  for (const Terms terms : {Terms::kPaper, Terms::kOurs}) {
+    const VectorXd pose = RandomPose();
+    FrameProblem problem = Ingredients(pose, terms, 5).Problem(camera_);
+    problem.track_prior = TrackPriorEnergy(RandomPose(), 3000, 200);
+    CheckDerivative(problem.track_prior, pose, 1e-6);
+    FrameScratch scratch;
+    MatrixXd hessian;
+    VectorXd gradient;
+    const double cost = EvaluateFrame(problem, PointAt(pose), &scratch, &hessian, &gradient);
+    const MatrixXd& j = scratch.jacobian;
+    ASSERT_EQ(j.rows(), problem.num_residuals());
+    EXPECT_LT((hessian - j.transpose() * j).norm(), 1e-12 * hessian.norm());
+    EXPECT_LT((gradient - j.transpose() * scratch.residuals).norm(), 1e-12 * gradient.norm());
+    EXPECT_EQ(cost, EvaluateFrame(problem, PointAt(pose), &scratch));
+  }
+}
+
 TEST_F(EnergiesTest, TwiceTheWeightIsTwiceTheCost) {
   const VectorXd pose = RandomPose();
   for (const Terms terms : {Terms::kPaper, Terms::kOurs}) {
@@ -163,7 +182,7 @@ TEST_F(EnergiesTest, TranslatingTheDetectionsIn3dChangesNothing) {
 TEST(RobustLossTest, BoundsTheCostAndLeavesSmallResidualsAlone) {
   for (const double size : {1e-3, 1.0, 1e3}) {
     VectorXd r = VectorXd::Constant(4, size);
-    ApplyRobustLoss(2, 1, 2, &r, nullptr);
+    ApplyRobustLoss<2>(2, r.segment<2>(1), nullptr);
     EXPECT_EQ(r[0], size);
     EXPECT_EQ(r[3], size);
     const double squared = 2 * size * size;
@@ -171,7 +190,7 @@ TEST(RobustLossTest, BoundsTheCostAndLeavesSmallResidualsAlone) {
     EXPECT_LE(r.segment<2>(1).squaredNorm(), 4);
   }
   VectorXd plain = VectorXd::Constant(4, 5);
-  ApplyRobustLoss(0, 0, 4, &plain, nullptr);
+  ApplyRobustLoss<3>(0, plain.head<3>(), nullptr);
   EXPECT_EQ(plain, VectorXd::Constant(4, 5));
 }
 

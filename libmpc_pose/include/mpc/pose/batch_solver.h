@@ -36,7 +36,8 @@ struct BatchSolveOptions {
 double BatchCost(const BatchProblem& problem, const Eigen::MatrixXd& poses);
 
 // Projected Levenberg-Marquardt from `poses` (N x F, clamped into the bounds first), which it
-// improves. Cost per iteration O(F N^3 + (N K)^3).
+// improves. Cost per iteration O(F N^3 + (N K)^3) for few basis vectors, else O(F N^3) and O(F N (N +
+// K)) for each of the 20 to 100 rounds of conjugate gradients.
 SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& options,
                         Eigen::MatrixXd* poses);
 

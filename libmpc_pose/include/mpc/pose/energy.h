@@ -14,6 +14,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
+#include <vector>
 
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skeleton.h"
@@ -25,15 +27,29 @@ struct PosePoint {
   Eigen::VectorXd pose;  // N; entries 3..5 are ignored in favour of root_rotation
   Eigen::Matrix3d root_rotation = Eigen::Matrix3d::Identity();  // body_from_root
   KinematicState state;
-  Eigen::MatrixXd joint_jacobian;  // 3J x N; valid where derivatives are asked for
+  // Valid where derivatives are asked for:
+  Eigen::MatrixXd joint_jacobian;            // 3J x N
+  std::vector<std::vector<int>> joint_dofs;  // J: the dofs that move the joint, ascending
 
   void Update(const Skeleton& skeleton, bool with_jacobian);
+  void UpdateJacobian(const Skeleton& skeleton);  // the state is current already
 };
 
 // Geman-McClure robust loss as a map of a residual block: r -> r / sqrt(1 + |r|^2 / c^2), so that
-// the squared norm becomes rho = |r|^2 / (1 + |r|^2 / c^2) <= c^2. Applied to rows [first_row,
-// first_row + size) of r and, exactly, of the Jacobian. c <= 0: plain squares, nothing changes.
-void ApplyRobustLoss(double c, int first_row, int size, Eigen::VectorXd* r,
-                     Eigen::MatrixXd* jacobian);
+// the squared norm becomes rho = |r|^2 / (1 + |r|^2 / c^2) <= c^2. `derivative`, if given, is that of
+// r by anything and is mapped exactly. c <= 0: plain squares, nothing changes.
+template <int kRows>
+void ApplyRobustLoss(double c, Eigen::Ref<Eigen::Matrix<double, kRows, 1>> r,
+                     Eigen::Matrix<double, kRows, 3>* derivative) {
+  if (c <= 0) return;
+  const double q = 1 / (1 + r.squaredNorm() / (c * c));
+  const double scale = std::sqrt(q);
+  if (derivative != nullptr) {
+    // d (s r) = s (I - q r r^T / c^2) dr with s = q^(1/2).
+    const Eigen::RowVector3d along = q / (c * c) * (r.transpose() * *derivative);
+    *derivative = scale * (*derivative - r * along);
+  }
+  r *= scale;
+}
 
 }  // namespace mpc

@@ -34,6 +34,7 @@ struct FrameProblem {
 struct FrameScratch {
   Eigen::VectorXd residuals;
   Eigen::MatrixXd jacobian;
+  std::vector<int> dofs;
 };
 
 // Cost (sum of squared residuals) at a point whose kinematics are current; infinity outside the

@@ -5,16 +5,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "cross_matrix.h"
 #include "mpc/core/rigid.h"
 
 namespace mpc {
 namespace {
-
-Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
-  Eigen::Matrix3d m;
-  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
-  return m;
-}
 
 // J_l with exp(v + d) = exp(J_l(v) d) exp(v) to first order.
 Eigen::Matrix3d LeftJacobianSO3(const Eigen::Vector3d& v) {

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "cross_matrix.h"
 #include "mpc/core/rigid.h"
 
 namespace mpc {
@@ -10,8 +11,7 @@ namespace {
 // d log(exp(w) R R_0^T) / d w at w = 0, with v = log(R R_0^T): the inverse left Jacobian.
 Eigen::Matrix3d InverseLeftJacobian(const Eigen::Vector3d& v) {
   const double angle = v.norm();
-  Eigen::Matrix3d cross;
-  cross << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  const Eigen::Matrix3d cross = CrossMatrix(v);
   const double c =
       angle < 1e-4 ? 1.0 / 12 : (1 - angle / 2 / std::tan(angle / 2)) / (angle * angle);
   return Eigen::Matrix3d::Identity() - 0.5 * cross + c * cross * cross;

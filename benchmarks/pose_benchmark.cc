@@ -221,8 +221,8 @@ void EvaluateFrame_BaselineAutoDiff(benchmark::State& state) {
 BENCHMARK(EvaluateFrame_BaselineAutoDiff)->Unit(benchmark::kMicrosecond);
 
 // A clip of ordinary quality.
-testing::SyntheticClip NoisyClip() {
-  return testing::MakeClip(MotionKind::kWalk, 3 * kFrames, kFps,
+testing::SyntheticClip NoisyClip(double fps) {
+  return testing::MakeClip(MotionKind::kWalk, 3 * kFrames, fps,
                            DetectionNoise::White(5, 60, 0.1, 0.2), 1);
 }
 
@@ -232,7 +232,7 @@ void ReportPerFrame(int num_frames, benchmark::State* state) {
 }
 
 void InitializeFrames(benchmark::State& state) {
-  const testing::SyntheticClip clip = NoisyClip();
+  const testing::SyntheticClip clip = NoisyClip(kFps);
   const PoseOptions options = testing::PlainOptions();
   const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
                               &clip.detections.detections3d, options);
@@ -241,16 +241,26 @@ void InitializeFrames(benchmark::State& state) {
 }
 BENCHMARK(InitializeFrames)->Unit(benchmark::kMillisecond);
 
-// Initialisation and batches of a clip on one core, with and without calibration.
+// The whole pose stage of a clip on one core, with and without calibration, per frame rate: the
+// number of basis vectors depends on it.
 void EstimatePoses(benchmark::State& state, bool fit_proportions) {
-  const testing::SyntheticClip clip = NoisyClip();
+  const testing::SyntheticClip clip = NoisyClip(static_cast<double>(state.range(0)));
   PoseOptions options = testing::PlainOptions();
   options.fit_proportions = fit_proportions;
   for (auto _ : state) benchmark::DoNotOptimize(testing::Estimate(clip, options));
   ReportPerFrame(clip.num_frames(), &state);
 }
-BENCHMARK_CAPTURE(EstimatePoses, fixed, false)->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(EstimatePoses, fitted, true)->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(EstimatePoses, fixed, false)
+    ->ArgName("fps")
+    ->Arg(30)
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK_CAPTURE(EstimatePoses, fitted, true)
+    ->ArgName("fps")
+    ->Arg(5)
+    ->Arg(30)
+    ->Arg(60)
+    ->Arg(120)
+    ->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace mpc

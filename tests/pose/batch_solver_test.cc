@@ -141,6 +141,7 @@ struct TwinCase {
   const char* name;
   MotionKind motion;
   Terms terms;
+  int num_frames;
   double bend;  // added to all angles of the truth: beyond the bounds where they are near
 
   friend std::ostream& operator<<(std::ostream& os, const TwinCase& c) { return os << c.name; }
@@ -149,7 +150,8 @@ struct TwinCase {
 class BatchSolverTest : public ::testing::TestWithParam<TwinCase> {
  protected:
   SyntheticBatch Batch() const {
-    MatrixXd poses = MotionInCamera(DefaultSkeleton(), GetParam().motion, 16, 15);
+    MatrixXd poses =
+        MotionInCamera(DefaultSkeleton(), GetParam().motion, GetParam().num_frames, 15);
     poses.bottomRows(poses.rows() - 6).array() += GetParam().bend;
     // Everywhere with a rest prior: dofs that nothing observes need not end alike.
     return MakeBatch(poses, 15, GetParam().terms, 7, /*rest_weight=*/30);
@@ -195,13 +197,13 @@ TEST_P(BatchSolverTest, NeverGetsWorseAndStaysInBounds) {
 
 INSTANTIATE_TEST_SUITE_P(
     Motions, BatchSolverTest,
-    ::testing::Values(TwinCase{"walk_paper", MotionKind::kWalk, Terms::kPaper, 0},
-                      TwinCase{"walk_ours", MotionKind::kWalk, Terms::kOurs, 0},
-                      TwinCase{"two_turns_paper", MotionKind::kTurn, Terms::kPaper, 0},
-                      TwinCase{"two_turns_ours", MotionKind::kTurn, Terms::kOurs, 0},
-                      TwinCase{"bounds_paper", MotionKind::kReach, Terms::kPaper, -0.4},
-                      TwinCase{"bounds_ours", MotionKind::kReach, Terms::kOurs, -0.4},
-                      TwinCase{"roll_ours", MotionKind::kRoll, Terms::kOurs, 0}),
+    ::testing::Values(TwinCase{"walk_paper", MotionKind::kWalk, Terms::kPaper, 16, 0},
+                      TwinCase{"walk_ours", MotionKind::kWalk, Terms::kOurs, 16, 0},
+                      TwinCase{"two_turns_paper", MotionKind::kTurn, Terms::kPaper, 16, 0},
+                      TwinCase{"two_turns_ours", MotionKind::kTurn, Terms::kOurs, 16, 0},
+                      TwinCase{"bounds_paper", MotionKind::kReach, Terms::kPaper, 8, -0.4},
+                      TwinCase{"bounds_ours", MotionKind::kReach, Terms::kOurs, 8, -0.4},
+                      TwinCase{"roll_ours", MotionKind::kRoll, Terms::kOurs, 16, 0}),
     [](const auto& test) { return std::string(test.param.name); });
 
 }  // namespace

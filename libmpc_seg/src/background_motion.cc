@@ -13,16 +13,18 @@
 namespace mpc {
 namespace {
 
-constexpr int kTrackingWidth = 640;  // pictures are tracked at about this size (longer side), px
+constexpr int kMaxSidePx = 640;  // larger pictures are tracked at half the size, a quarter, ...
 constexpr int kMaxPoints = 200;
 constexpr size_t kMinPoints = 16;
-constexpr double kRansacPx = 1.0;     // at the tracking size
-constexpr double kMinInliers = 0.5;   // share of the tracks
-constexpr double kStillPx = 1.0 / 3;  // at full size
+constexpr double kRansacPx = 1.0;    // at that size
+constexpr double kMinInliers = 0.5;  // share of the tracks
+constexpr double kStillPx = 0.1;     // mean of the tracks of a still background, at that size
+constexpr double kScatterPx = 0.5;   // length of most of its tracks
+constexpr double kMostTracks = 0.8;
 
-cv::Mat SmallGrey(const cv::Mat& picture, double scale) {
-  cv::Mat small;
-  cv::resize(picture, small, {}, scale, scale, cv::INTER_AREA);
+cv::Mat SmallGrey(const cv::Mat& picture, int num_halvings) {
+  cv::Mat small = picture;
+  for (int i = 0; i < num_halvings; ++i) small = Halved(small);
   cv::Mat grey;
   cv::cvtColor(ToBgr8(small), grey, cv::COLOR_BGR2GRAY);
   return grey;
@@ -44,10 +46,13 @@ std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, con
   }
   if (!exclude.empty()) CheckMask(exclude, current.size(), "mask to exclude");
 
-  const double scale =
-      1.0 / std::max(1.0, std::round(std::max(current.cols, current.rows) * 1.0 / kTrackingWidth));
-  const cv::Mat grey = SmallGrey(current, scale);
-  const cv::Mat previous_grey = SmallGrey(previous, scale);
+  int num_halvings = 0;
+  while (std::max(current.cols, current.rows) >> num_halvings > kMaxSidePx &&
+         std::min(current.cols, current.rows) >> num_halvings >= 2) {
+    ++num_halvings;
+  }
+  const cv::Mat grey = SmallGrey(current, num_halvings);
+  const cv::Mat previous_grey = SmallGrey(previous, num_halvings);
   cv::Mat allowed;
   if (!exclude.empty()) {
     cv::resize(exclude, allowed, grey.size(), 0, 0, cv::INTER_NEAREST);
@@ -77,9 +82,23 @@ std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, con
     return std::nullopt;
   }
 
+  // Tracks of a still background scatter around zero.
+  cv::Point2f sum(0, 0);
+  size_t num_still = 0;
+  for (size_t i = 0; i < from.size(); ++i) {
+    if (!inlier[i]) continue;
+    sum += to[i] - from[i];
+    num_still += cv::norm(to[i] - from[i]) < kScatterPx;
+  }
+  if (cv::norm(sum) < kStillPx * static_cast<double>(num_inliers) &&
+      static_cast<double>(num_still) > kMostTracks * static_cast<double>(num_inliers)) {
+    return cv::Matx33d::eye();
+  }
+
   // From the small pictures' pixels to the full ones': centres at integers, so (x + 1/2) scales.
-  const double shift = 0.5 * (1 / scale - 1);
-  const cv::Matx33d full_from_small(1 / scale, 0, shift, 0, 1 / scale, shift, 0, 0, 1);
+  const double block = 1 << num_halvings;
+  const double centre = (block - 1) / 2;
+  const cv::Matx33d full_from_small(block, 0, centre, 0, block, centre, 0, 0, 1);
   const cv::Matx33d h =
       full_from_small * cv::Matx33d(estimate.ptr<double>()) * full_from_small.inv();
 
@@ -95,7 +114,6 @@ std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, con
     largest = std::max(largest, move);
   }
   if (largest > 0.25 * std::max(current.cols, current.rows)) return std::nullopt;
-  if (largest < kStillPx) return cv::Matx33d::eye();
   return h;
 }
 

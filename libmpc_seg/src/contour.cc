@@ -10,8 +10,9 @@
 namespace mpc {
 namespace {
 
-constexpr double kSmoothPx = 1.5;  // sigma of the smoothing of a mask; ours
-constexpr int kMargin = 6;         // px around the mask that the smoothing needs
+constexpr double kSmoothPx = 2;  // sigma of the smoothing of a mask; ours
+constexpr double kAlongPx = 3;   // step of the second derivative along the outline
+constexpr int kMargin = 8;       // px around the mask that the smoothing needs
 constexpr double kMaxShiftPx = 1;
 
 // Value and gradient of a picture at (x, y), bilinear, the border repeated.
@@ -67,9 +68,16 @@ Contour2d ExtractContour(const cv::Mat& mask, const cv::Mat& soft) {
     Eigen::Vector2d point(mx, my);
     Eigen::Vector2d normal = across;
     const double slope = gradient.norm() / 2;  // per px
-    if (slope > 0.05 && gradient.dot(across) < 0) {
+    if (slope > 0.05 && gradient.dot(across) < slope) {
       normal = -gradient.normalized();
-      const double excess = Value(field, mx, my) - 0.5;
+      // Smoothing moves a curved outline inwards; the second derivative along it says how much.
+      const auto tx = static_cast<float>(-kAlongPx * normal.y());
+      const auto ty = static_cast<float>(kAlongPx * normal.x());
+      const double value = Value(field, mx, my);
+      const double along =
+          (Value(field, mx + tx, my + ty) + Value(field, mx - tx, my - ty) - 2 * value) /
+          (kAlongPx * kAlongPx);
+      const double excess = value - 0.5 - (soft.empty() ? 0.5 * kSmoothPx * kSmoothPx * along : 0);
       point += std::clamp(excess / slope, -kMaxShiftPx, kMaxShiftPx) * normal;
     }
     points.push_back(point + Eigen::Vector2d(area.x, area.y));

@@ -62,4 +62,12 @@ cv::Mat Crop(const cv::Mat& picture, const cv::Rect& area) {
   return padded;
 }
 
+cv::Mat Halved(const cv::Mat& picture) {
+  const cv::Size size(picture.cols / 2, picture.rows / 2);
+  cv::Mat half;
+  cv::resize(picture(cv::Rect(0, 0, 2 * size.width, 2 * size.height)), half, size, 0, 0,
+             cv::INTER_AREA);
+  return half;
+}
+
 }  // namespace mpc

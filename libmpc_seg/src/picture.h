@@ -18,4 +18,8 @@ cv::Mat ToBgr8(const cv::Mat& picture);
 // `area` of a picture, which may reach over its right and lower border: the border is repeated.
 cv::Mat Crop(const cv::Mat& picture, const cv::Rect& area);
 
+// Half the width and height, each pixel the mean of four; an odd last column or row is left out.
+// Sides must be at least 2.
+cv::Mat Halved(const cv::Mat& picture);
+
 }  // namespace mpc

@@ -25,18 +25,12 @@ constexpr int kMaxColours = 4000;       // per colour model
 constexpr int kMinColours = 8;
 constexpr double kOutlierShare = 0.02;
 constexpr double kMinProbability = 0.02;  // a person mask is never surer than this
-constexpr double kMinConfidence = 0.1;    // below, colours say nothing
+constexpr double kMinConfidence = 0.03;   // below, colours say nothing
 constexpr double kMinModelIou = 0.25;     // a cut that agrees less with the model is no silhouette
 constexpr double kMinIsland = 0.01;       // of the model's area
 constexpr double kMaxHole = 0.0025;
 
 bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
-
-cv::Mat Halved(const cv::Mat& picture) {
-  cv::Mat half;
-  cv::resize(picture, half, {picture.cols / 2, picture.rows / 2}, 0, 0, cv::INTER_AREA);
-  return half;
-}
 
 // 255 where at least half of the pixels under a pixel of the smaller mask are set.
 cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
@@ -209,13 +203,13 @@ class Extraction {
       if (options_.clip_skeleton) skeleton &= model_;
     }
     trimap_.create(size, CV_8U);
-    odds_.create(size);
+    shape_.create(size);
     const auto weight = static_cast<float>(options_.weight_shape);
     for (int y = 0; y < size.height; ++y) {
       const float* d = distance[y];
       const uint8_t* is_skeleton = skeleton.ptr(y);
       uint8_t* trimap = trimap_.ptr(y);
-      float* odds = odds_[y];
+      float* shape = shape_[y];
       for (int x = 0; x < size.width; ++x) {
         if (d[x] > erode || is_skeleton[x]) {
           trimap[x] = kTrimapForeground;
@@ -224,7 +218,7 @@ class Extraction {
         } else {
           trimap[x] = d[x] < -dilate ? kTrimapBackground : kTrimapUnknownBackground;
         }
-        odds[x] = weight * std::clamp(d[x] / (d[x] > 0 ? erode : dilate), -1.F, 1.F);
+        shape[x] = weight * std::clamp(d[x] / (d[x] > 0 ? erode : dilate), -1.F, 1.F);
       }
     }
     if (options_.band_colours) {
@@ -270,15 +264,15 @@ class Extraction {
     result_.previous_from_current = motion;
   }
 
-  // Log-odds of pixels that do not come from colours: stillness, and the caller's probability.
   void AddEvidence() {
+    evidence_ = cv::Mat1f(small().size(), 0.F);
     if (result_.motion_cue && options_.weight_still > 0) {
       const StillnessOdds still(change_, actor_region_, background_region_);
       const auto weight = static_cast<float>(options_.weight_still);
-      for (int y = 0; y < odds_.rows; ++y) {
+      for (int y = 0; y < evidence_.rows; ++y) {
         const uint16_t* change = change_.ptr<uint16_t>(y);
-        float* odds = odds_[y];
-        for (int x = 0; x < odds_.cols; ++x) odds[x] += weight * still(change[x]);
+        float* evidence = evidence_[y];
+        for (int x = 0; x < evidence_.cols; ++x) evidence[x] += weight * still(change[x]);
       }
     }
     if (!frame_.person_probability.empty() && options_.weight_person > 0) {
@@ -286,14 +280,14 @@ class Extraction {
       cv::Mat1f probability;
       full.convertTo(probability, CV_32F, full.depth() == CV_8U ? 1.0 / 255 : 1.0);
       cv::resize(probability, probability, small().size(), 0, 0, cv::INTER_AREA);
-      for (int y = 0; y < odds_.rows; ++y) {
-        for (int x = 0; x < odds_.cols; ++x) {
+      for (int y = 0; y < evidence_.rows; ++y) {
+        for (int x = 0; x < evidence_.cols; ++x) {
           // Also for values that are not numbers: those say nothing.
           const double p =
               probability(y, x) >= 0
                   ? std::clamp<double>(probability(y, x), kMinProbability, 1 - kMinProbability)
                   : 0.5;
-          odds_(y, x) += static_cast<float>(options_.weight_person * std::log(p / (1 - p)));
+          evidence_(y, x) += static_cast<float>(options_.weight_person * std::log(p / (1 - p)));
         }
       }
     }
@@ -343,23 +337,25 @@ class Extraction {
     for (int y = 0; y < problem->bgr.rows; ++y) {
       const uint8_t* bgr = problem->bgr.ptr(y);
       const uint8_t* trimap = problem->trimap.ptr(y);
-      const float* other = odds_[(y + at.y) >> shift];
+      const float* shape = shape_[(y + at.y) >> shift];
+      const float* evidence = evidence_[(y + at.y) >> shift];
       float* odds = problem->log_odds.ptr<float>(y);
       for (int x = 0; x < problem->bgr.cols; ++x) {
         if (!IsUnknown(trimap[x])) continue;
-        odds[x] = other[(x + at.x) >> shift] + (*colour_odds_)(bgr + 3 * x);
+        const int i = (x + at.x) >> shift;
+        odds[x] = shape[i] + evidence[i] + (*colour_odds_)(bgr + 3 * x);
       }
     }
   }
 
-  // How much of the unknown band the colours decide, and as the cut did.
+  // How much of the unknown band something else than its place decides, and as the cut did.
   void MeasureConfidence() {
     double agreement = 0;
     int num_unknown = 0;
     for (int y = 0; y < trimap_.rows; ++y) {
       for (int x = 0; x < trimap_.cols; ++x) {
         if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = (*colour_odds_)(small().ptr(y) + 3 * x);
+        const float odds = evidence_(y, x) + (*colour_odds_)(small().ptr(y) + 3 * x);
         agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
         ++num_unknown;
       }
@@ -413,9 +409,10 @@ class Extraction {
   cv::Mat trimap_;
   cv::Mat actor_region_;
   cv::Mat background_region_;
-  cv::Mat1f odds_;  // log-odds of all but the colours
-  cv::Mat change_;  // SquaredChange; empty: no motion cue
-  cv::Mat labels_;  // 1 inside; grows to full size
+  cv::Mat1f shape_;     // log-odds from the shape of M
+  cv::Mat1f evidence_;  // log-odds from stillness and the caller's probability
+  cv::Mat change_;      // SquaredChange; empty: no motion cue
+  cv::Mat labels_;      // 1 inside; grows to full size
 
   std::optional<ColourModel> actor_model_;
   std::optional<ColourModel> background_model_;

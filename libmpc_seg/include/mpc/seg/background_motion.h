@@ -10,7 +10,7 @@ namespace mpc {
 
 // The homography that takes pixels of `current` to where the same background was in `previous`,
 // from what lies outside `exclude` (CV_8U, nonzero: do not look; empty: look everywhere). The exact
-// identity when nothing moved by more than a third of a pixel; nullopt when there is too little
+// identity when it stood still as far as can be told; nullopt when there is too little
 // texture or no common motion. Pictures as for ExtractSilhouette, of equal sizes.
 // Deterministic and thread-safe.
 std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, const cv::Mat& current,

@@ -78,7 +78,8 @@ struct Silhouette {
   cv::Mat mask;  // CV_8U of the picture's size: 255 inside, 0 outside
   cv::Rect roi;  // contains every pixel that is not 0
   SilhouetteState state = SilhouetteState::kNoModel;
-  // How well colours told actor and background apart near the outline: 0 not at all, 1 everywhere.
+  // How well colours (and stillness, and the given probability) told actor and background apart
+  // within the band: 0 not at all, 1 everywhere.
   double confidence = 0;
   double model_iou = 0;        // intersection over union of mask and M
   bool motion_cue = false;     // the motion cue was used

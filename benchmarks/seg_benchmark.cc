@@ -1,0 +1,157 @@
+// Silhouette extraction at 1080p beside cv::grabCut on the same frame, the same trimap and in the
+// same run; the maximum flow beside OpenCV's graph cut.
+#include <benchmark/benchmark.h>
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/imgproc/detail/gcgraph.hpp>
+#include <random>
+
+#include "mpc/seg/background_motion.h"
+#include "mpc/seg/contour.h"
+#include "mpc/seg/max_flow.h"
+#include "mpc/seg/silhouette.h"
+#include "mpc/seg/trimap.h"
+#include "seg/simulated_masks.h"
+#include "seg/test_scene.h"
+
+namespace mpc {
+namespace {
+
+// A standing figure 900 px tall before a textured background, its model warped as in docs.
+struct Frame {
+  FrameInput input;
+  cv::Mat trimap;
+  cv::Rect crop;
+};
+
+const Frame& TestFrame() {
+  static const Frame frame = [] {
+    cv::setNumThreads(1);
+    testing::TestSceneOptions options;
+    options.size = {1920, 1080};
+    options.centre = {960, 540};
+    options.height = 900;
+    const testing::TestScene now = testing::MakeScene(options);
+    options.centre += cv::Point2d(25, 10);
+    options.seed = 2;
+    Frame f;
+    f.input.picture = now.picture;
+    f.input.previous = testing::MakeScene(options).picture;
+    const testing::MaskErrors errors = {24, 12, 8, 6};
+    const testing::SimulatedMasks masks = testing::SimulateMasks(now.truth, errors, 1);
+    f.input.model_mask = masks.model;
+    f.input.skeleton_mask = masks.skeleton;
+    const SegmentationOptions defaults;
+    const double size = ActorSizePx(masks.model);
+    f.trimap =
+        MakeTrimap(masks.skeleton, masks.model, {defaults.erode * size, defaults.dilate * size});
+    f.crop = ExtractSilhouette(f.input).roi;
+    return f;
+  }();
+  return frame;
+}
+
+void BM_Extract(benchmark::State& state) {
+  const Frame& frame = TestFrame();
+  for (auto _ : state) benchmark::DoNotOptimize(ExtractSilhouette(frame.input));
+}
+BENCHMARK(BM_Extract)->Unit(benchmark::kMillisecond);
+
+void BM_ExtractStaticCamera(benchmark::State& state) {
+  SegmentationOptions options;
+  options.estimate_background_motion = false;
+  const Frame& frame = TestFrame();
+  for (auto _ : state) benchmark::DoNotOptimize(ExtractSilhouette(frame.input, options));
+}
+BENCHMARK(BM_ExtractStaticCamera)->Unit(benchmark::kMillisecond);
+
+void BM_ExtractPaper(benchmark::State& state) {
+  const SegmentationOptions options = SegmentationOptions::Paper();
+  const Frame& frame = TestFrame();
+  for (auto _ : state) benchmark::DoNotOptimize(ExtractSilhouette(frame.input, options));
+}
+BENCHMARK(BM_ExtractPaper)->Unit(benchmark::kMillisecond)->Iterations(1);
+
+void GrabCut(benchmark::State& state, bool crop) {
+  const Frame& frame = TestFrame();
+  const cv::Rect area = crop ? frame.crop : cv::Rect({}, frame.input.picture.size());
+  const cv::Mat picture = frame.input.picture(area).clone();
+  for (auto _ : state) {
+    cv::Mat labels = frame.trimap(area).clone();
+    cv::Mat background, actor;
+    cv::theRNG() = cv::RNG(1);
+    cv::grabCut(picture, labels, {}, background, actor, static_cast<int>(state.range(0)),
+                cv::GC_INIT_WITH_MASK);
+    benchmark::DoNotOptimize(labels.data);
+  }
+}
+
+void BM_GrabCutFrame(benchmark::State& state) { GrabCut(state, false); }
+BENCHMARK(BM_GrabCutFrame)->Arg(1)->Arg(5)->Unit(benchmark::kMillisecond)->Iterations(1);
+
+void BM_GrabCutCrop(benchmark::State& state) { GrabCut(state, true); }
+BENCHMARK(BM_GrabCutCrop)->Arg(1)->Arg(5)->Unit(benchmark::kMillisecond)->Iterations(1);
+
+void BM_BackgroundMotion(benchmark::State& state) {
+  const Frame& frame = TestFrame();
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(EstimateBackgroundMotion(frame.input.previous, frame.input.picture,
+                                                      frame.input.model_mask));
+  }
+}
+BENCHMARK(BM_BackgroundMotion)->Unit(benchmark::kMillisecond);
+
+void BM_Contour(benchmark::State& state) {
+  const cv::Mat mask = ExtractSilhouette(TestFrame().input).mask;
+  for (auto _ : state) benchmark::DoNotOptimize(ExtractContour(mask));
+}
+BENCHMARK(BM_Contour)->Unit(benchmark::kMillisecond);
+
+// A grid of side x side nodes with smooth terminals and random links, as segmentation makes them.
+template <typename AddTerminals, typename AddEdge>
+void BuildGrid(int side, const AddTerminals& add_terminals, const AddEdge& add_edge) {
+  std::mt19937 rng(1);
+  cv::Mat1f odds(side, side);
+  cv::RNG(1).fill(odds, cv::RNG::NORMAL, 0, 1);
+  cv::GaussianBlur(odds, odds, {}, 5);
+  odds *= 20000;
+  for (int n = 0; n < side * side; ++n) {
+    const int o = static_cast<int>(odds(n / side, n % side));
+    add_terminals(n, std::max(o, 0), std::max(-o, 0));
+  }
+  for (int n = 0; n < side * side; ++n) {
+    if (n % side + 1 < side) add_edge(n, n + 1, static_cast<int>(rng() % 8000));
+    if (n + side < side * side) add_edge(n, n + side, static_cast<int>(rng() % 8000));
+  }
+}
+
+void BM_MaxFlowOurs(benchmark::State& state) {
+  const int side = static_cast<int>(state.range(0));
+  for (auto _ : state) {
+    MaxFlow flow(side * side);
+    BuildGrid(
+        side, [&](int n, int s, int t) { flow.AddTerminals(n, s, t); },
+        [&](int a, int b, int c) { flow.AddEdge(a, b, c, c); });
+    benchmark::DoNotOptimize(flow.Solve());
+  }
+}
+BENCHMARK(BM_MaxFlowOurs)->Arg(200)->Unit(benchmark::kMillisecond);
+
+void BM_MaxFlowOpenCv(benchmark::State& state) {
+  const int side = static_cast<int>(state.range(0));
+  for (auto _ : state) {
+    cv::detail::GCGraph<double> flow(static_cast<unsigned>(side * side),
+                                     static_cast<unsigned>(4 * side * side));
+    for (int n = 0; n < side * side; ++n) flow.addVtx();
+    BuildGrid(
+        side, [&](int n, int s, int t) { flow.addTermWeights(n, s, t); },
+        [&](int a, int b, int c) { flow.addEdges(a, b, c, c); });
+    benchmark::DoNotOptimize(flow.maxFlow());
+  }
+}
+BENCHMARK(BM_MaxFlowOpenCv)->Arg(200)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace mpc

@@ -1,0 +1,366 @@
+#include "mpc/seg/silhouette.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "mpc/core/thread_pool.h"
+#include "simulated_masks.h"
+#include "support/expect_error.h"
+#include "test_scene.h"
+
+namespace mpc {
+namespace {
+
+using mpc::testing::DrawFigure;
+using mpc::testing::MakeScene;
+using mpc::testing::MaskIou;
+using mpc::testing::TestScene;
+using mpc::testing::TestSceneOptions;
+using mpc::testing::WrongModel;
+
+struct Case {
+  TestScene scene;
+  FrameInput frame;
+};
+
+Case MakeCase(const TestSceneOptions& options = {}, double model_shift = 0.025) {
+  Case c;
+  c.scene = MakeScene(options);
+  TestSceneOptions before = options;
+  before.centre += cv::Point2d(0.04 * options.height, 0.02 * options.height);
+  before.seed += 1;
+  c.frame.picture = c.scene.picture;
+  c.frame.previous = MakeScene(before).picture;
+  c.frame.model_mask = WrongModel(options, model_shift);
+  c.frame.skeleton_mask = c.scene.skeleton;
+  return c;
+}
+
+// What holds for every result, whatever came in.
+void ExpectDefined(const Silhouette& s, const FrameInput& frame) {
+  ASSERT_EQ(s.mask.type(), CV_8UC1);
+  ASSERT_EQ(s.mask.size(), frame.picture.size());
+  EXPECT_EQ(cv::countNonZero((s.mask != 0) & (s.mask != 255)), 0);
+  cv::Mat outside = s.mask.clone();
+  if (!s.roi.empty()) outside(s.roi).setTo(0);
+  EXPECT_EQ(cv::countNonZero(outside), 0);
+  EXPECT_GE(s.confidence, 0);
+  EXPECT_LE(s.confidence, 1);
+  EXPECT_GE(s.model_iou, 0);
+  EXPECT_LE(s.model_iou, 1);
+}
+
+TEST(Silhouette, CorrectsAWrongModel) {
+  const Case c = MakeCase();
+  const Silhouette s = ExtractSilhouette(c.frame);
+  ExpectDefined(s, c.frame);
+  EXPECT_EQ(s.state, SilhouetteState::kCut);
+  EXPECT_TRUE(s.motion_cue);
+  EXPECT_FALSE(s.camera_motion);
+  EXPECT_LT(MaskIou(c.frame.model_mask, c.scene.truth), 0.8);
+  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.97);
+  EXPECT_GT(s.confidence, 0.5);
+  EXPECT_NEAR(s.model_iou, MaskIou(s.mask, c.frame.model_mask), 1e-12);
+}
+
+TEST(Silhouette, StaysWithinTheTrimap) {
+  SegmentationOptions options;
+  options.clip_skeleton = false;
+  options.clean = false;
+  const Case c = MakeCase();
+  const Silhouette s = ExtractSilhouette(c.frame, options);
+  const double size = ActorSizePx(c.frame.model_mask);
+  // The chamfer distance used inside is right to 2 %.
+  const cv::Mat wide = MakeTrimap(c.frame.skeleton_mask, c.frame.model_mask,
+                                  {0.7 * options.erode * size, 1.03 * options.dilate * size});
+  const cv::Mat narrow =
+      MakeTrimap({}, c.frame.model_mask, {1.03 * options.erode * size + 1, options.dilate * size});
+  EXPECT_EQ(cv::countNonZero((wide == kTrimapBackground) & (s.mask != 0)), 0);
+  EXPECT_EQ(cv::countNonZero((narrow == kTrimapForeground) & (s.mask == 0)), 0);
+}
+
+TEST(Silhouette, CoarseToFineAgreesWithTheWholeCrop) {
+  TestSceneOptions scene;
+  scene.size = {720, 960};
+  scene.centre = {360, 480};
+  scene.height = 800;
+  const Case c = MakeCase(scene);
+  SegmentationOptions whole;
+  whole.coarse_to_fine = false;
+  const Silhouette banded = ExtractSilhouette(c.frame);
+  const Silhouette full = ExtractSilhouette(c.frame, whole);
+  EXPECT_GT(MaskIou(full.mask, c.scene.truth), 0.98);
+  EXPECT_GT(MaskIou(banded.mask, c.scene.truth), 0.98);
+  EXPECT_GT(MaskIou(banded.mask, full.mask), 0.985);
+}
+
+TEST(Silhouette, ScalesWithThePicture) {
+  for (const double scale : {0.25, 0.5, 2.0, 4.0}) {
+    TestSceneOptions options;
+    options.size = {cvRound(240 * scale), cvRound(320 * scale)};
+    options.centre *= scale;
+    options.height *= scale;
+    const Case c = MakeCase(options);
+    const Silhouette s = ExtractSilhouette(c.frame);
+    ExpectDefined(s, c.frame);
+    EXPECT_GT(MaskIou(s.mask, c.scene.truth), scale < 0.5 ? 0.85 : 0.95) << scale;
+  }
+}
+
+TEST(Silhouette, SameResultEveryTimeAndOnEveryThread) {
+  const Case c = MakeCase();
+  const Silhouette first = ExtractSilhouette(c.frame);
+  std::vector<Silhouette> others(6);
+  ParallelFor(6, 3, [&](int i) { others[static_cast<size_t>(i)] = ExtractSilhouette(c.frame); });
+  for (const Silhouette& s : others) {
+    EXPECT_EQ(cv::countNonZero(s.mask != first.mask), 0);
+    EXPECT_EQ(s.confidence, first.confidence);
+  }
+}
+
+TEST(Silhouette, MovingCameraIsTakenOut) {
+  TestSceneOptions options;
+  const TestScene now = MakeScene(options);
+  TestSceneOptions before = options;
+  before.camera = {-9, 6};
+  before.centre += cv::Point2d(10, 0);
+  before.seed = 2;
+  FrameInput frame;
+  frame.picture = now.picture;
+  frame.previous = MakeScene(before).picture;
+  frame.model_mask = WrongModel(options, 0.025);
+  frame.skeleton_mask = now.skeleton;
+  const Silhouette s = ExtractSilhouette(frame);
+  EXPECT_TRUE(s.camera_motion);
+  EXPECT_NEAR(s.previous_from_current(0, 2), -9, 1);
+  EXPECT_NEAR(s.previous_from_current(1, 2), 6, 1);
+  EXPECT_GT(MaskIou(s.mask, now.truth), 0.96);
+
+  frame.previous_from_current = cv::Matx33d(1, 0, -9, 0, 1, 6, 0, 0, 1);
+  const Silhouette known = ExtractSilhouette(frame);
+  EXPECT_TRUE(known.camera_motion);
+  EXPECT_GT(MaskIou(known.mask, now.truth), 0.96);
+}
+
+TEST(Silhouette, MotionTellsEqualColoursApart) {
+  TestSceneOptions options;
+  options.same_texture = true;
+  const Case c = MakeCase(options, 0.04);
+  SegmentationOptions without;
+  without.gamma_motion = 0;
+  without.weight_still = 0;
+  const double on = MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth);
+  const double off = MaskIou(ExtractSilhouette(c.frame, without).mask, c.scene.truth);
+  EXPECT_GT(on, off);
+}
+
+TEST(Silhouette, PersonProbabilityDecidesWhereColoursCannot) {
+  TestSceneOptions options;
+  options.same_texture = true;
+  Case c = MakeCase(options, 0.03);
+  c.frame.previous = cv::Mat();
+  const double without = MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth);
+  c.frame.person_probability = c.scene.truth;
+  const Silhouette bytes = ExtractSilhouette(c.frame);
+  c.scene.truth.convertTo(c.frame.person_probability, CV_32F, 1.0 / 255);
+  const Silhouette floats = ExtractSilhouette(c.frame);
+  EXPECT_GT(MaskIou(bytes.mask, c.scene.truth), without);
+  EXPECT_EQ(cv::countNonZero(bytes.mask != floats.mask), 0);
+  c.frame.person_probability.setTo(std::numeric_limits<float>::quiet_NaN());
+  EXPECT_NEAR(MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth), without, 1e-12);
+}
+
+TEST(Silhouette, PersonOfTheBackgroundsColourGivesTheModel) {
+  const TestSceneOptions options;
+  const cv::Mat model = WrongModel(options, 0);
+  FrameInput frame;
+  frame.picture = cv::Mat(options.size, CV_8UC3, cv::Scalar(90, 90, 90));
+  frame.model_mask = model;
+  const Silhouette plain = ExtractSilhouette(frame);
+  ExpectDefined(plain, frame);
+  EXPECT_EQ(plain.state, SilhouetteState::kAmbiguous);
+  EXPECT_EQ(cv::countNonZero(plain.mask != model), 0);
+  EXPECT_EQ(plain.model_iou, 1);
+}
+
+TEST(Silhouette, NoModelGivesNoMask) {
+  Case c = MakeCase();
+  c.frame.model_mask = cv::Mat(c.frame.picture.size(), CV_8U, cv::Scalar(0));
+  const Silhouette s = ExtractSilhouette(c.frame);  // also: model wholly outside the picture
+  ExpectDefined(s, c.frame);
+  EXPECT_EQ(s.state, SilhouetteState::kNoModel);
+  EXPECT_EQ(cv::countNonZero(s.mask), 0);
+  EXPECT_TRUE(s.roi.empty());
+}
+
+TEST(Silhouette, ModelPartlyOutsideThePicture) {
+  for (const cv::Point2d& centre :
+       {cv::Point2d(0, 160), cv::Point2d(240, 160), cv::Point2d(120, 0), cv::Point2d(120, 320)}) {
+    TestSceneOptions options;
+    options.centre = centre;
+    Case c = MakeCase(options);
+    const Silhouette s = ExtractSilhouette(c.frame);
+    ExpectDefined(s, c.frame);
+    EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.94) << centre;
+    // Telling it the whole actor's size is allowed, and any size at all is survived.
+    for (const double size : {0.5, 100.0, 999999.0}) {
+      c.frame.actor_size_px = size;
+      ExpectDefined(ExtractSilhouette(c.frame), c.frame);
+    }
+  }
+}
+
+TEST(Silhouette, MaskThatTouchesAllBorders) {
+  TestSceneOptions options;
+  options.size = {160, 200};
+  options.centre = {80, 100};
+  options.height = 520;  // torso and limbs leave the picture on all sides
+  const Case c = MakeCase(options, 0.01);
+  ExpectDefined(ExtractSilhouette(c.frame), c.frame);
+
+  FrameInput all = c.frame;
+  all.model_mask = cv::Mat(options.size, CV_8U, cv::Scalar(255));
+  const Silhouette full = ExtractSilhouette(all);
+  ExpectDefined(full, all);
+  EXPECT_EQ(full.state, SilhouetteState::kNoBackground);
+  EXPECT_EQ(cv::countNonZero(full.mask == 0), 0);
+}
+
+TEST(Silhouette, GreyAndSixteenBitPictures) {
+  const Case c = MakeCase();
+  const double reference = MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth);
+  for (const int kind : {0, 1, 2, 3}) {
+    FrameInput frame = c.frame;
+    const auto convert = [kind](const cv::Mat& bgr) {
+      cv::Mat out = bgr;
+      if (kind == 0) cv::cvtColor(bgr, out, cv::COLOR_BGR2GRAY);
+      if (kind == 1) bgr.convertTo(out, CV_16U, 257);
+      if (kind == 2) cv::cvtColor(bgr, out, cv::COLOR_BGR2BGRA);
+      if (kind == 3) {
+        cv::cvtColor(bgr, out, cv::COLOR_BGR2GRAY);
+        out.convertTo(out, CV_16U, 257);
+      }
+      return out;
+    };
+    frame.picture = convert(frame.picture);
+    frame.previous = convert(frame.previous);
+    const Silhouette s = ExtractSilhouette(frame);
+    ExpectDefined(s, frame);
+    EXPECT_GT(MaskIou(s.mask, c.scene.truth), kind % 3 == 0 ? 0.9 : reference - 1e-9) << kind;
+  }
+}
+
+TEST(Silhouette, FirstFrameAndSingleFrame) {
+  Case c = MakeCase();
+  c.frame.previous = cv::Mat();
+  const Silhouette s = ExtractSilhouette(c.frame);
+  EXPECT_FALSE(s.motion_cue);
+  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.96);
+  c.frame.previous = c.frame.picture;  // a clip that stands still
+  EXPECT_GT(MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth), 0.95);
+}
+
+TEST(Silhouette, SmallAndLargePictures) {
+  for (const cv::Size size : {cv::Size(64, 64), cv::Size(3840, 2160), cv::Size(101, 77)}) {
+    TestSceneOptions options;
+    options.size = size;
+    options.centre = {0.5 * size.width, 0.5 * size.height};
+    options.height = 0.8 * size.height;
+    const Case c = MakeCase(options);
+    const Silhouette s = ExtractSilhouette(c.frame);
+    ExpectDefined(s, c.frame);
+    EXPECT_GT(MaskIou(s.mask, c.scene.truth), size.height < 100 ? 0.85 : 0.97) << size;
+  }
+}
+
+TEST(Silhouette, PicturesOfAFewPixels) {
+  for (const cv::Size size : {cv::Size(1, 1), cv::Size(2, 1), cv::Size(3, 7), cv::Size(300, 1)}) {
+    FrameInput frame;
+    frame.picture = cv::Mat(size, CV_8UC3, cv::Scalar(1, 2, 3));
+    frame.previous = frame.picture;
+    frame.model_mask = cv::Mat(size, CV_8U, cv::Scalar(0));
+    frame.model_mask.at<uint8_t>(0, 0) = 1;
+    ExpectDefined(ExtractSilhouette(frame), frame);
+    ExpectDefined(ExtractSilhouette(frame, SegmentationOptions::Paper()), frame);
+  }
+}
+
+TEST(Silhouette, NoIslandsAndNoPinholes) {
+  // Confetti of the actor's colour near the actor, and of the background's inside of it.
+  Case c = MakeCase();
+  cv::RNG rng(5);
+  for (int i = 0; i < 400; ++i) {
+    const cv::Point p(rng.uniform(0, 240), rng.uniform(0, 320));
+    const bool inside = c.scene.truth.at<uint8_t>(p) != 0;
+    cv::circle(c.frame.picture, p, 1, inside ? cv::Scalar(130, 120, 100) : cv::Scalar(60, 70, 190),
+               cv::FILLED);
+  }
+  const Silhouette s = ExtractSilhouette(c.frame);
+  cv::Mat region;
+  EXPECT_LE(cv::connectedComponents(s.mask, region), 2 + 2);
+  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.93);
+}
+
+TEST(Silhouette, PaperPresetSolvesTheSameScene) {
+  const Case c = MakeCase();
+  const Silhouette s = ExtractSilhouette(c.frame, SegmentationOptions::Paper());
+  ExpectDefined(s, c.frame);
+  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.95);
+}
+
+TEST(Silhouette, ExternalMasks) {
+  cv::Mat grey(30, 40, CV_8U, cv::Scalar(100));
+  grey(cv::Rect(5, 6, 7, 8)).setTo(200);
+  cv::Mat colour;
+  cv::cvtColor(grey, colour, cv::COLOR_GRAY2BGR);
+  const cv::Mat labels = (grey > 127) / 255;  // 0 and 1
+  for (const cv::Mat& mask : {grey, colour, labels}) {
+    const Silhouette s = SilhouetteFromMask(mask, {40, 30});
+    EXPECT_EQ(s.state, SilhouetteState::kExternal);
+    EXPECT_EQ(s.roi, cv::Rect(5, 6, 7, 8));
+    EXPECT_EQ(cv::countNonZero(s.mask == 255), 56);
+  }
+  EXPECT_EQ(cv::countNonZero(SilhouetteFromMask(cv::Mat::zeros(30, 40, CV_8U), {40, 30}).mask), 0);
+  EXPECT_MPC_ERROR(SilhouetteFromMask(grey, {40, 31}), kMismatch, "40x30");
+}
+
+TEST(Silhouette, RefusesWhatDoesNotFit) {
+  const Case c = MakeCase();
+  FrameInput frame = c.frame;
+  frame.picture = cv::Mat();
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kInvalidArgument, "picture is empty");
+  frame = c.frame;
+  frame.picture.convertTo(frame.picture, CV_32F);
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kUnsupported, "CV_32FC3");
+  frame = c.frame;
+  frame.previous = cv::Mat(10, 10, CV_8UC3);
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kMismatch, "10x10");
+  frame = c.frame;
+  frame.model_mask = cv::Mat();
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kInvalidArgument, "model mask");
+  frame = c.frame;
+  frame.person_probability = cv::Mat::zeros(10, 10, CV_32F);
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kMismatch, "person probability");
+  frame = c.frame;
+  frame.actor_size_px = std::numeric_limits<double>::infinity();
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kInvalidArgument, "actor size");
+}
+
+TEST(SegmentationOptions, NamesEveryFault) {
+  EXPECT_NO_THROW(SegmentationOptions{}.Validate());
+  EXPECT_NO_THROW(SegmentationOptions::Paper().Validate());
+  SegmentationOptions options;
+  options.erode = -1;
+  options.gamma_motion = 26;
+  options.num_rounds = 0;
+  options.weight_shape = std::numeric_limits<double>::quiet_NaN();
+  for (const char* name : {"erode", "gamma_motion", "num_rounds", "weight_shape"}) {
+    EXPECT_MPC_ERROR(options.Validate(), kInvalidArgument, name);
+  }
+}
+
+}  // namespace
+}  // namespace mpc

@@ -16,6 +16,7 @@ namespace {
 constexpr int kMeansIterations = 8;
 // Variance of a camera's noise and of rounding, added to every component, colour steps^2.
 constexpr double kNoiseVariance = 1;
+constexpr float kNegligible = -60;  // log of a density; smaller ones count as none
 
 // Uniform in [0, 1), the same on every platform.
 double Uniform(std::mt19937* rng) { return static_cast<double>((*rng)()) / 4294967296.0; }
@@ -160,8 +161,10 @@ int ColourModel::LikeliestComponent(const Eigen::Vector3f& bgr) const {
 
 void ColourModel::ComponentDensities(const Eigen::Vector3f& bgr, float* densities) const {
   for (size_t k = 0; k < kernels_.size(); ++k) {
-    densities[k] =
-        std::exp(LogDensity(kernels_[k], bgr)) / static_cast<float>(components_[k].weight);
+    const float log_density = LogDensity(kernels_[k], bgr);
+    densities[k] = log_density < kNegligible
+                       ? 0
+                       : std::exp(log_density) / static_cast<float>(components_[k].weight);
   }
 }
 

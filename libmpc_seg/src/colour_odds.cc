@@ -4,49 +4,20 @@
 #include <bit>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
+#include <opencv2/imgproc.hpp>
 
 namespace mpc {
 namespace {
 
-constexpr float kUnset = 1e30F;
+constexpr double kGlobalShare = 0.1;  // of a place's colours come from everywhere; ours
 constexpr double kRareShare = 0.003;  // of pixels, added to every bin of the changes; ours
 
 }  // namespace
 
-ColourOdds::ColourOdds(const ColourModel& actor, const ColourModel& background,
-                       double outlier_share, bool exact)
-    : actor_(actor),
-      background_(background),
-      outlier_density_(static_cast<float>(outlier_share / (1 - outlier_share) / (1 << 24))) {
-  if (!exact) table_.assign(1 << 18, kUnset);
-}
-
-float ColourOdds::operator()(const uint8_t* bgr) {
-  if (table_.empty()) {
-    return Evaluate(
-        {static_cast<float>(bgr[0]), static_cast<float>(bgr[1]), static_cast<float>(bgr[2])});
-  }
-  float& value =
-      table_[static_cast<size_t>((bgr[0] >> 2) << 12 | (bgr[1] >> 2) << 6 | bgr[2] >> 2)];
-  if (value == kUnset) {
-    const auto centre = [](uint8_t c) { return static_cast<float>(c & ~3) + 1.5F; };
-    value = Evaluate({centre(bgr[0]), centre(bgr[1]), centre(bgr[2])});
-  }
-  return value;
-}
-
-float ColourOdds::Evaluate(const Eigen::Vector3f& bgr) const {
-  const float actor = actor_.NegLogLikelihood(bgr);
-  const float background = background_.NegLogLikelihood(bgr);
-  if (outlier_density_ == 0) return background - actor;
-  return std::log((std::exp(-actor) + outlier_density_) /
-                  (std::exp(-background) + outlier_density_));
-}
-
-std::vector<WeightedColour> CollectColours(const cv::Mat& bgr, const cv::Mat& mask,
-                                           int max_colours) {
+PlacedColours CollectColours(const cv::Mat& bgr, const cv::Mat& mask, int max_colours) {
   const int step = 1 + cv::countNonZero(mask) / max_colours;
-  std::vector<WeightedColour> colours;
+  PlacedColours found;
   int skip = 0;
   for (int y = 0; y < mask.rows; ++y) {
     const uint8_t* row = mask.ptr(y);
@@ -54,11 +25,87 @@ std::vector<WeightedColour> CollectColours(const cv::Mat& bgr, const cv::Mat& ma
     for (int x = 0; x < mask.cols; ++x, c += 3) {
       if (row[x] == 0 || --skip >= 0) continue;
       skip = step - 1;
-      colours.push_back(
+      found.colours.push_back(
           {{static_cast<float>(c[0]), static_cast<float>(c[1]), static_cast<float>(c[2])}});
+      found.places.emplace_back(x, y);
     }
   }
-  return colours;
+  return found;
+}
+
+LocalColourModel::LocalColourModel(const PlacedColours& colours, int max_components,
+                                   const cv::Size& size, double reach_px)
+    : model_(colours.colours, max_components) {
+  const bool global = reach_px == 0;
+  cell_px_ =
+      global ? std::max(size.width, size.height) : std::max(1, static_cast<int>(reach_px / 3));
+  const cv::Size cells((size.width + cell_px_ - 1) / cell_px_,
+                       (size.height + cell_px_ - 1) / cell_px_);
+  const auto n = static_cast<size_t>(num_components());
+  std::vector<cv::Mat1f> count(n);
+  for (cv::Mat1f& c : count) c = cv::Mat1f(cells, 0.F);
+  for (size_t i = 0; i < colours.colours.size(); ++i) {
+    const auto k = static_cast<size_t>(model_.LikeliestComponent(colours.colours[i].bgr));
+    count[k](colours.places[i] / cell_px_) += colours.colours[i].weight;
+  }
+  cv::Mat1f total(cells, 0.F);
+  for (cv::Mat1f& c : count) {
+    const double sigma = reach_px / cell_px_;
+    if (!global) cv::GaussianBlur(c, c, {}, sigma, sigma, cv::BORDER_CONSTANT);
+    total += c;
+  }
+  const auto everywhere = static_cast<float>(kGlobalShare * cv::mean(total)[0]);
+  shares_.create(cells, CV_32FC(num_components()));
+  for (int y = 0; y < cells.height; ++y) {
+    for (int x = 0; x < cells.width; ++x) {
+      float* shares = shares_.ptr<float>(y) + static_cast<size_t>(x) * n;
+      for (size_t k = 0; k < n; ++k) {
+        const auto weight = static_cast<float>(model_.components()[k].weight);
+        shares[k] = (count[k](y, x) + everywhere * weight) / (total(y, x) + everywhere);
+      }
+    }
+  }
+}
+
+ColourOdds::ColourOdds(const LocalColourModel& actor, const LocalColourModel& background,
+                       double outlier_share, bool exact)
+    : actor_(actor),
+      background_(background),
+      outlier_density_(static_cast<float>(outlier_share / (1 - outlier_share) / (1 << 24))),
+      exact_(exact) {
+  if (!exact) begin_.assign(1 << 18, -1);
+}
+
+int32_t ColourOdds::Evaluate(const Eigen::Vector3f& bgr) {
+  const size_t begin = densities_.size();
+  const auto num_actor = static_cast<size_t>(actor_.num_components());
+  densities_.resize(begin + num_actor + static_cast<size_t>(background_.num_components()));
+  actor_.model().ComponentDensities(bgr, &densities_[begin]);
+  background_.model().ComponentDensities(bgr, &densities_[begin + num_actor]);
+  return static_cast<int32_t>(begin);
+}
+
+float ColourOdds::operator()(const uint8_t* bgr, int x, int y) {
+  int32_t begin = 0;
+  if (exact_) {
+    densities_.clear();
+    Evaluate({static_cast<float>(bgr[0]), static_cast<float>(bgr[1]), static_cast<float>(bgr[2])});
+  } else {
+    int32_t& known =
+        begin_[static_cast<size_t>((bgr[0] >> 2) << 12 | (bgr[1] >> 2) << 6 | bgr[2] >> 2)];
+    const auto centre = [](uint8_t c) { return static_cast<float>(c & ~3) + 1.5F; };
+    if (known < 0) known = Evaluate({centre(bgr[0]), centre(bgr[1]), centre(bgr[2])});
+    begin = known;
+  }
+  const float* density = &densities_[static_cast<size_t>(begin)];
+  const auto mix = [&](const LocalColourModel& model) {
+    const float* share = model.Shares(x, y);
+    float sum = outlier_density_ + std::numeric_limits<float>::min();
+    for (int k = 0; k < model.num_components(); ++k) sum += *share++ * *density++;
+    return sum;
+  };
+  const float actor = mix(actor_);
+  return std::log(actor / mix(background_));
 }
 
 size_t StillnessOdds::Bin(uint16_t change) {

@@ -1,4 +1,5 @@
-// Purpose: log-odds of actor against background for colours and for how much they changed.
+// Purpose: log-odds of actor against background for colours and for how much they changed, learnt
+// from regions that certainly are one of them.
 // Units: natural logarithms.
 #pragma once
 
@@ -11,29 +12,59 @@
 
 namespace mpc {
 
-// Evaluates two colour models. Keeps references to them.
+struct PlacedColours {
+  std::vector<WeightedColour> colours;
+  std::vector<cv::Point> places;  // of each colour
+};
+
+// A colour model whose components count more where their colours are: at x, component k has the
+// share that it has among the colours around x.
+class LocalColourModel {
+ public:
+  // size: of the picture. reach_px: sigma of "around"; 0: the same shares everywhere.
+  LocalColourModel(const PlacedColours& colours, int max_components, const cv::Size& size,
+                   double reach_px);
+
+  const ColourModel& model() const { return model_; }
+  int num_components() const { return static_cast<int>(model_.components().size()); }
+
+  // Shares of the components at a pixel; they sum to 1.
+  const float* Shares(int x, int y) const {
+    return shares_.ptr<float>(y / cell_px_) + (x / cell_px_) * num_components();
+  }
+
+ private:
+  ColourModel model_;
+  int cell_px_;
+  cv::Mat shares_;  // per cell, one channel per component
+};
+
+// Evaluates two models. Keeps references to them.
 class ColourOdds {
  public:
   // outlier_share: part of all pixels whose colour no model explains; a colour far from both models
   // then says nothing. exact: evaluate each colour; otherwise colours are rounded to 6 bits per
   // channel and every one is evaluated once.
-  ColourOdds(const ColourModel& actor, const ColourModel& background, double outlier_share,
-             bool exact);
+  ColourOdds(const LocalColourModel& actor, const LocalColourModel& background,
+             double outlier_share, bool exact);
 
-  float operator()(const uint8_t* bgr);
+  // Of a colour at pixel (x, y).
+  float operator()(const uint8_t* bgr, int x, int y);
 
  private:
-  float Evaluate(const Eigen::Vector3f& bgr) const;
+  // Appends the components' densities at a colour to densities_ and returns where they begin.
+  int32_t Evaluate(const Eigen::Vector3f& bgr);
 
-  const ColourModel& actor_;
-  const ColourModel& background_;
+  const LocalColourModel& actor_;
+  const LocalColourModel& background_;
   float outlier_density_;
-  std::vector<float> table_;  // empty when exact
+  bool exact_;
+  std::vector<int32_t> begin_;    // per rounded colour: of its densities, -1: not evaluated yet
+  std::vector<float> densities_;  // of the actor's components, then of the background's
 };
 
 // Pixels of `bgr` (CV_8UC3) where `mask` (CV_8U) is not 0, evenly thinned out to `max_colours`.
-std::vector<WeightedColour> CollectColours(const cv::Mat& bgr, const cv::Mat& mask,
-                                           int max_colours);
+PlacedColours CollectColours(const cv::Mat& bgr, const cv::Mat& mask, int max_colours);
 
 // What the size of a pixel's change (SquaredChange) says, learnt from the changes of the actor and
 // of the background. Only "still as the background is" counts, so values are at most 0: a changed

@@ -13,6 +13,8 @@ SegmentationOptions SegmentationOptions::Paper() {
   options.gamma_motion = 25;
   options.weight_shape = 0;
   options.weight_still = 0;
+  options.num_components = 5;
+  options.colour_reach = 0;
   options.num_rounds = 5;
   options.band_colours = false;
   options.coarse_to_fine = false;
@@ -36,6 +38,7 @@ void SegmentationOptions::Validate() const {
   check("weight_shape", weight_shape, 0, 1e3);
   check("weight_still", weight_still, 0, 1e3);
   check("weight_person", weight_person, 0, 1e3);
+  check("colour_reach", colour_reach, 0, 10);
   check("num_components", num_components, 1, 16);
   check("num_rounds", num_rounds, 1, 100);
   if (!faults.empty()) {

@@ -22,7 +22,7 @@ constexpr double kRing = 0.15;          // width of the background outside the b
 constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours are learnt
 constexpr int kRefinePx = 2;            // around the outline, after each doubling of the size
 constexpr int kMaxColours = 4000;       // per colour model
-constexpr int kMinColours = 8;
+constexpr size_t kMinColours = 8;
 constexpr double kOutlierShare = 0.02;
 constexpr double kMinProbability = 0.02;  // a person mask is never surer than this
 constexpr double kMinConfidence = 0.03;   // below, colours say nothing
@@ -315,13 +315,14 @@ class Extraction {
     for (int round = 0; round < options_.num_rounds; ++round) {
       const cv::Mat& actor = round == 0 ? actor_region_ : labels_;
       const cv::Mat background = round == 0 ? background_region_ : cv::Mat(labels_ == 0);
-      const auto actor_colours = CollectColours(small(), actor, kMaxColours);
-      const auto background_colours = CollectColours(small(), background, kMaxColours);
-      if (actor_colours.size() < kMinColours || background_colours.size() < kMinColours) {
+      const PlacedColours actor_colours = CollectColours(small(), actor, kMaxColours);
+      const PlacedColours other_colours = CollectColours(small(), background, kMaxColours);
+      if (std::min(actor_colours.colours.size(), other_colours.colours.size()) < kMinColours) {
         return false;
       }
-      actor_model_.emplace(actor_colours, options_.num_components);
-      background_model_.emplace(background_colours, options_.num_components);
+      const double reach = std::ldexp(options_.colour_reach * actor_size_, -num_halvings_);
+      actor_model_.emplace(actor_colours, options_.num_components, small().size(), reach);
+      background_model_.emplace(other_colours, options_.num_components, small().size(), reach);
       colour_odds_.emplace(*actor_model_, *background_model_,
                            options_.band_colours ? kOutlierShare : 0, !options_.coarse_to_fine);
       SetLogOdds(0, {}, &problem);
@@ -343,7 +344,7 @@ class Extraction {
       for (int x = 0; x < problem->bgr.cols; ++x) {
         if (!IsUnknown(trimap[x])) continue;
         const int i = (x + at.x) >> shift;
-        odds[x] = shape[i] + evidence[i] + (*colour_odds_)(bgr + 3 * x);
+        odds[x] = shape[i] + evidence[i] + (*colour_odds_)(bgr + 3 * x, i, (y + at.y) >> shift);
       }
     }
   }
@@ -355,7 +356,7 @@ class Extraction {
     for (int y = 0; y < trimap_.rows; ++y) {
       for (int x = 0; x < trimap_.cols; ++x) {
         if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + (*colour_odds_)(small().ptr(y) + 3 * x);
+        const float odds = evidence_(y, x) + (*colour_odds_)(small().ptr(y) + 3 * x, x, y);
         agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
         ++num_unknown;
       }
@@ -414,8 +415,8 @@ class Extraction {
   cv::Mat change_;      // SquaredChange; empty: no motion cue
   cv::Mat labels_;      // 1 inside; grows to full size
 
-  std::optional<ColourModel> actor_model_;
-  std::optional<ColourModel> background_model_;
+  std::optional<LocalColourModel> actor_model_;
+  std::optional<LocalColourModel> background_model_;
   std::optional<ColourOdds> colour_odds_;
 };
 

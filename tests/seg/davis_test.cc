@@ -143,18 +143,21 @@ void ExpectNotBelowGrabCut(const Scores& s, double margin) {
   EXPECT_GE(s.ours.mean, std::max(s.grabcut1.mean, s.grabcut5.mean) + margin);
   EXPECT_GE(s.ours.worst, std::max(s.grabcut1.worst, s.grabcut5.worst) + margin);
   EXPECT_GE(s.without_motion.mean, std::max(s.grabcut1.mean, s.grabcut5.mean));
-  EXPECT_GT(s.ours.mean, s.model.mean);
   EXPECT_GT(s.ours.mean, s.without_motion.mean - 0.002);
 }
 
 TEST(Davis, StaticCamera) {
   MPC_REQUIRE_DATA();
-  ExpectNotBelowGrabCut(Evaluate("static", LoadClip(false), {}), 0);
+  const Scores s = Evaluate("static", LoadClip(false), {});
+  ExpectNotBelowGrabCut(s, 0.01);
+  EXPECT_GT(s.ours.mean, s.model.mean + 0.02);
 }
 
 TEST(Davis, PanningCamera) {
   MPC_REQUIRE_DATA();
-  ExpectNotBelowGrabCut(Evaluate("panning", LoadClip(true), {}), 0);
+  const Scores s = Evaluate("panning", LoadClip(true), {});
+  ExpectNotBelowGrabCut(s, 0.01);
+  EXPECT_GT(s.ours.mean, s.model.mean + 0.02);
 }
 
 TEST(Davis, SmallErrors) {

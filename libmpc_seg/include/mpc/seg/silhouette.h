@@ -28,9 +28,11 @@ struct SegmentationOptions {
   double gamma = 50;         // contrast; GrabCut
   double gamma_motion = 20;  // motion cue, 0 turns it off; ours, at most gamma / 2
   double weight_still = 2;   // pixels as still as the background is are background, 0: off; ours
-  double weight_shape = 5;   // trust in M: log-odds at the border of the band, 0: none; ours
+  double weight_shape = 8;   // trust in M: log-odds at the border of the band, 0: none; ours
   double weight_person = 1;  // factor on the log-odds of FrameInput::person_probability; ours
-  int num_components = 5;    // Gaussians per colour model, 1 to 16; GrabCut
+  int num_components = 8;    // Gaussians per colour model, 1 to 16; ours, GrabCut: 5
+  double colour_reach =
+      0.3;  // a colour counts for its surroundings, in actor sizes, 0: everywhere; ours
 
   // Solution.
   int num_rounds = 1;  // of colour models and cut, >= 1; GrabCut: 5

@@ -113,7 +113,9 @@ class NaiveSmoothness {
  public:
   explicit NaiveSmoothness(const BatchProblem& problem)
       : weights_(problem.smoothness.cwiseSqrt()), directions_(kFrames, kFrames) {
-    directions_ << problem.band_penalty.cwiseSqrt().asDiagonal() * problem.basis,
+    // The shares are the same for every dof here.
+    const Eigen::VectorXd shares = problem.band_penalty.row(0);
+    directions_ << shares.cwiseSqrt().asDiagonal() * problem.basis,
         BasisComplement(problem.basis);
   }
 
@@ -235,8 +237,8 @@ void InitializeFrames(benchmark::State& state) {
   const testing::SyntheticClip clip = NoisyClip(kFps);
   const PoseOptions options = testing::PlainOptions();
   const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
-                              &clip.detections.detections3d, options);
-  for (auto _ : state) benchmark::DoNotOptimize(InitializeFrames(evidence, kFps));
+                              &clip.detections.detections3d, kFps, options);
+  for (auto _ : state) benchmark::DoNotOptimize(InitializeFrames(evidence));
   ReportPerFrame(clip.num_frames(), &state);
 }
 BENCHMARK(InitializeFrames)->Unit(benchmark::kMillisecond);

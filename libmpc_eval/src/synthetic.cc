@@ -207,7 +207,7 @@ SyntheticDetections SynthesizeDetections(const Skeleton& skeleton,
     Detections3d::Frame frame3d;
     frame2d.pixels = Eigen::Matrix2Xd::Zero(2, kNumJoints);
     frame2d.confidence = Eigen::VectorXd::Zero(kNumJoints);
-    const Eigen::Matrix3d camera_from_ray = CameraFromRay(truth.rowwise().mean());
+    const Eigen::Matrix3d camera_from_ray = CameraFromRay(root);
     frame3d.positions = camera_from_ray.transpose() * (truth.colwise() - root);
     frame3d.confidence = Eigen::VectorXd::Zero(kNumJoints);
     if (reversed[f] >= 0) ReverseDepth(kLimbs[reversed[f]], &frame3d.positions);

@@ -165,12 +165,12 @@ SolveSummary SolveBatchCeres(const BatchProblem& problem, const BatchOracleOptio
     s.col(f) = s.col(f).cwiseMax(lower).cwiseMin(upper).eval();
   }
 
-  // K x N: the best C for S, min over C_nk of (C_nk - (S D^T)_nk)^2 + band_k C_nk^2.
-  const Eigen::VectorXd kept = 1 - problem.band_penalty.array();
-  const Eigen::VectorXd band = problem.band_penalty.array() / kept.array();
+  // K x N: the best C for S, min over C_nk of (C_nk - (S D^T)_nk)^2 + band_nk C_nk^2.
+  const Eigen::MatrixXd kept = 1 - problem.band_penalty.array();
+  const Eigen::MatrixXd band = problem.band_penalty.array() / kept.array();
   Eigen::MatrixXd coefficients;
   const auto fit_coefficients = [&] {
-    coefficients = kept.asDiagonal() * (problem.basis * s.transpose());
+    coefficients = kept.transpose().cwiseProduct(problem.basis * s.transpose());
   };
   fit_coefficients();
 
@@ -196,9 +196,10 @@ SolveSummary SolveBatchCeres(const BatchProblem& problem, const BatchOracleOptio
   }
   for (int n = 0; n < num_dofs; ++n) {
     ordering->AddElementToGroup(coefficients.col(n).data(), 1);
-    if (band.isZero(0)) continue;
-    ceres_problem.AddResidualBlock(new BandRows((problem.smoothness[n] * band).cwiseSqrt()),
-                                   nullptr, coefficients.col(n).data());
+    if (band.row(n).isZero(0)) continue;
+    const Eigen::VectorXd stiffness = problem.smoothness[n] * band.row(n);
+    ceres_problem.AddResidualBlock(new BandRows(stiffness.cwiseSqrt()), nullptr,
+                                   coefficients.col(n).data());
   }
   const auto cost = [&] {
     double half_cost = 0;

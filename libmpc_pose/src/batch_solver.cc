@@ -45,9 +45,9 @@ class BatchState {
       cost += EvaluateFrame(problem_.frames[f], point, scratch);
       if (!std::isfinite(cost)) return kInfinity;
     }
-    // S M with M = I - D^T diag(1 - band_penalty) D.
-    const Eigen::VectorXd kept = 1 - problem_.band_penalty.array();
-    penalized_ = s - (s * problem_.basis.transpose()) * kept.asDiagonal() * problem_.basis;
+    // Row n is S_n (I - D^T diag(1 - band_penalty_n) D).
+    const Eigen::MatrixXd kept = 1 - problem_.band_penalty.array();
+    penalized_ = s - (s * problem_.basis.transpose()).cwiseProduct(kept) * problem_.basis;
     return cost + problem_.smoothness.dot(s.cwiseProduct(penalized_).rowwise().sum());
   }
 
@@ -220,7 +220,7 @@ class ArrowSystem {
         schur.block(k * num_dofs_, l * num_dofs_, num_dofs_, num_dofs_) =
             blocks.col(column++).reshaped(num_dofs_, num_dofs_);
       }
-      schur.diagonal().segment(l * num_dofs_, num_dofs_) += band_[l] * weights_;
+      schur.diagonal().segment(l * num_dofs_, num_dofs_) += band_.col(l).cwiseProduct(weights_);
     }
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(schur);
     if (llt.info() != Eigen::Success) return false;
@@ -230,14 +230,14 @@ class ArrowSystem {
     return true;
   }
 
-  // The Schur complement times C (N x K): sum_f E_f C d_f d_f^T + W C diag(beta).
+  // The Schur complement times C (N x K): sum_f E_f C d_f d_f^T + W (beta * C), * per entry.
   void Multiply(const Eigen::MatrixXd& c, Eigen::MatrixXd* product) {
     frames_.noalias() = c * basis_;
     for (int f = 0; f < num_frames_; ++f) {
       stiff_frames_.col(f).noalias() = Stiffness(f) * frames_.col(f);
     }
     product->noalias() = stiff_frames_ * basis_.transpose();
-    *product += weights_.asDiagonal() * c * band_.asDiagonal();
+    *product += weights_.asDiagonal() * c.cwiseProduct(band_);
   }
 
   void Precondition(const Eigen::MatrixXd& residual, Eigen::MatrixXd* result) const {
@@ -251,7 +251,7 @@ class ArrowSystem {
     const Eigen::VectorXd mean = stiffness_.rowwise().mean();
     for (int k = 0; k < num_basis_; ++k) {
       preconditioner_[k] = mean.reshaped(num_dofs_, num_dofs_);
-      preconditioner_[k].diagonal() += band_[k] * weights_;
+      preconditioner_[k].diagonal() += band_.col(k).cwiseProduct(weights_);
       if (!InvertInPlace(&preconditioner_[k], &scratch_)) return false;
     }
     Eigen::MatrixXd z(num_dofs_, num_basis_);
@@ -280,7 +280,7 @@ class ArrowSystem {
 
   const Eigen::MatrixXd& basis_;
   const Eigen::VectorXd& weights_;
-  Eigen::VectorXd band_;  // K: stiffness of the coefficients themselves
+  Eigen::MatrixXd band_;  // N x K: stiffness of the coefficients themselves
   int num_dofs_;
   int num_frames_;
   int num_basis_;
@@ -342,6 +342,13 @@ double BatchCost(const BatchProblem& problem, const Eigen::MatrixXd& poses) {
   state.s.middleRows<3>(3) = chart.Coordinates(rotations);
   FrameScratch scratch;
   return state.Evaluate(&scratch);
+}
+
+Eigen::MatrixXd SubspaceCoefficients(const BatchProblem& problem, const Eigen::MatrixXd& poses) {
+  const std::vector<Eigen::Matrix3d> rotations = RootRotations(poses);
+  Eigen::MatrixXd s = poses;
+  s.middleRows<3>(3) = RootChart(rotations).Coordinates(rotations);
+  return s * problem.basis.transpose();
 }
 
 SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& options,

@@ -44,11 +44,8 @@ std::vector<int> SpreadFrames(const FrameInitialization& initialization) {
 // The clip's problem for one set of scales.
 class Calibrator {
  public:
-  Calibrator(const ClipEvidence& evidence, const Detections2d& detections2d,
-             const Detections3d* detections3d, const FrameInitialization& initialization)
+  Calibrator(const ClipEvidence& evidence, const FrameInitialization& initialization)
       : evidence_(evidence),
-        detections2d_(detections2d),
-        detections3d_(detections3d),
         swaps_(initialization.swaps),
         frames_(SpreadFrames(initialization)),
         rest_(RelaxedPose(evidence.skeleton())) {
@@ -61,12 +58,12 @@ class Calibrator {
   int num_frames() const { return static_cast<int>(frames_.size()); }
 
   ClipEvidence Scaled(const PartVector& log_scale) const {
-    return {ScaledSkeleton(evidence_.skeleton(), FromLog(log_scale)), evidence_.camera(),
-            detections2d_, detections3d_, evidence_.options()};
+    return evidence_.ForSkeleton(ScaledSkeleton(evidence_.skeleton(), FromLog(log_scale)));
   }
 
   FrameProblem Problem(const ClipEvidence& scaled, int i) const {
-    return scaled.MakeProblem(scaled.Observe(frames_[i], swaps_[frames_[i]]), depths_[i],
+    const Eigen::Vector3d hips = poses[i].head<3>();
+    return scaled.MakeProblem(scaled.Observe(frames_[i], swaps_[frames_[i]], &hips), depths_[i],
                               /*loss_width=*/1, rest_);
   }
 
@@ -143,8 +140,6 @@ class Calibrator {
   }
 
   const ClipEvidence& evidence_;
-  const Detections2d& detections2d_;
-  const Detections3d* detections3d_;
   const std::vector<SideSwap>& swaps_;
   std::vector<int> frames_;
   std::vector<double> depths_;
@@ -155,10 +150,8 @@ class Calibrator {
 }  // namespace
 
 CalibrationResult CalibrateProportions(const ClipEvidence& evidence,
-                                       const Detections2d& detections2d,
-                                       const Detections3d* detections3d,
                                        const FrameInitialization& initialization) {
-  Calibrator calibrator(evidence, detections2d, detections3d, initialization);
+  Calibrator calibrator(evidence, initialization);
   PartVector log_scale = PartVector::Zero();
   PartMatrix hessian = PartMatrix::Identity() / (kPriorSigma * kPriorSigma);
   if (calibrator.num_frames() > 0) {

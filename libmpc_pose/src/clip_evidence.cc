@@ -8,6 +8,8 @@
 #include <string_view>
 #include <utility>
 
+#include "mpc/pose/detection_repair.h"
+
 namespace mpc {
 namespace {
 
@@ -18,7 +20,7 @@ constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kErrorSpread = 1.3;
 constexpr double kMinError3dMm = 20;
 constexpr double kMaxError3dMm = 100;
-constexpr double kWhiteRestDiscount = 0.5;
+constexpr double kWhiteRestDiscount = 0.85;
 constexpr int kErrorFrames = 60;  // frames the 3D detections' error is measured on
 constexpr double kNoPck = 1e3;    // PCK of a frame that cannot be compared
 
@@ -106,7 +108,7 @@ constexpr std::array<Posture, 17> kPostures = {{
     {"shoulder_flexion", 5, 45},
     {"shoulder_twist", 0, 40},
     {"elbow_flexion", 15, 45},
-    {"hip_flexion", 5, 45},
+    {"hip_flexion", 5, 60},
     {"hip_abduction", 3, 15},
     {"hip_twist", 3, 15},
     {"knee_flexion", 8, 50},
@@ -168,24 +170,46 @@ ChainedJoints ChainJoints(int num_joints, const std::vector<EvidenceBone>& bones
 
 ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
                            const Detections2d& detections2d, const Detections3d* detections3d,
-                           const PoseOptions& options)
-    : skeleton_(skeleton),
-      camera_(camera),
-      detections2d_(detections2d),
-      detections3d_(detections3d),
-      options_(options) {
+                           double fps, const PoseOptions& options)
+    : camera_(camera),
+      detections2d_(std::make_shared<Detections2d>(detections2d)),
+      fps_(fps),
+      options_(options),
+      error_3d_mm_(options.error_3d_mm),
+      depth_error_ratio_(options.depth_error_ratio) {
+  if (detections3d != nullptr) detections3d_ = std::make_shared<Detections3d>(*detections3d);
   for (int id = 0; id < kNumJointIds; ++id) {
-    joint_index_[id] = skeleton_.FindJointIndex(static_cast<JointId>(id));
     column3d_[id] =
         detections3d == nullptr ? -1 : FindColumn(detections3d->joints, static_cast<JointId>(id));
   }
+  SetSkeleton(skeleton);
   rest_weights_.resize(static_cast<Eigen::Index>(skeleton_.hinges.size()));
   for (size_t h = 0; h < skeleton_.hinges.size(); ++h) {
     const double spread = FindPosture(skeleton_.hinges[h].name).spread_deg * kDegree;
     rest_weights_[h] = options.weight_rest * kNoiseCost / (spread * spread);
   }
+  // Errors are measured on what was detected, not on what repair made of it.
+  if (detections3d != nullptr && options.error_3d_mm == 0) rest_weights_ *= MeasureError3d();
+  if (!options.repair_detections) return;
+  detections2d_ = std::make_shared<Detections2d>(RepairDetections(detections2d, fps));
+  if (detections3d == nullptr) return;
+  detections3d_ = std::make_shared<Detections3d>(RepairDetections(*detections3d, fps));
+}
+
+ClipEvidence ClipEvidence::ForSkeleton(const Skeleton& skeleton) const {
+  ClipEvidence evidence = *this;
+  evidence.SetSkeleton(skeleton);
+  return evidence;
+}
+
+void ClipEvidence::SetSkeleton(const Skeleton& skeleton) {
+  skeleton_ = skeleton;
+  for (int id = 0; id < kNumJointIds; ++id) {
+    joint_index_[id] = skeleton_.FindJointIndex(static_cast<JointId>(id));
+  }
   KinematicState rest;
   ForwardKinematics(skeleton_, ZeroPose(skeleton_), &rest);
+  bones_.clear();
   for (const JointPair& pair : kBones) {
     const int a = joint_index_[static_cast<int>(pair.a)];
     const int b = joint_index_[static_cast<int>(pair.b)];
@@ -193,10 +217,6 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
     bones_.push_back(
         {a, b, (rest.joints.col(b) - rest.joints.col(a)).norm(), IsRigid(skeleton_, a, b)});
   }
-  error_3d_mm_ = options.error_3d_mm;
-  depth_error_ratio_ = options.depth_error_ratio;
-  if (detections3d != nullptr && options.error_3d_mm == 0) MeasureError3d();
-  rest_weights_ *= rest_share_;
 }
 
 // Position of a detected 3D joint; the pelvis may come from the hips.
@@ -223,14 +243,14 @@ bool ClipEvidence::Position3d(int f, JointId id, SideSwap swap, Eigen::Vector3d*
   return true;
 }
 
-FrameObservation ClipEvidence::Observe(int f, SideSwap swap) const {
+FrameObservation ClipEvidence::Observe(int f, SideSwap swap, const Eigen::Vector3d* hips) const {
   FrameObservation observation;
-  const Detections2d::Frame& frame = detections2d_.frames[f];
+  const Detections2d::Frame& frame = detections2d_->frames[f];
   const bool mirrored = swap == SideSwap::k2d || swap == SideSwap::kBoth;
   Eigen::Vector2d centre = Eigen::Vector2d::Zero();
   double total = 0;
-  for (size_t i = 0; i < detections2d_.joints.size(); ++i) {
-    const JointId seen = detections2d_.joints[i];
+  for (size_t i = 0; i < detections2d_->joints.size(); ++i) {
+    const JointId seen = detections2d_->joints[i];
     const JointId id = mirrored ? MirrorJoint(seen) : seen;
     const int joint = joint_index_[static_cast<int>(id)];
     const double confidence = frame.confidence[i];
@@ -240,7 +260,11 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap) const {
     centre += weight * frame.pixels.col(i);
     total += weight;
   }
-  if (total > 0) observation.camera_from_ray = CameraFromRay(PixelRay(camera_, centre / total));
+  if (hips != nullptr) {
+    observation.camera_from_ray = CameraFromRay(*hips);
+  } else if (total > 0) {
+    observation.camera_from_ray = CameraFromRay(PixelRay(camera_, centre / total));
+  }
   if (detections3d_ == nullptr) return observation;
 
   const Eigen::Matrix3d camera_from_detection =
@@ -369,8 +393,9 @@ void ClipEvidence::MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camer
 // that last for seconds (a network's) do not average out over frames, and along the ray nothing
 // measures them: options.depth_error_ratio. Errors that change from frame to frame show in second
 // differences, beyond those of the 2D detections, along the ray too; so far as the error is of that
-// kind its measured ratio counts, and the rest prior, which does not average out either, weighs less.
-void ClipEvidence::MeasureError3d() {
+// kind its measured ratio counts, and the rest prior, which does not average out either, weighs less:
+// the share of its weight that is left is returned.
+double ClipEvidence::MeasureError3d() {
   std::vector<double> errors;
   std::vector<double> across2;  // squared second differences of joints, mm^2
   std::vector<double> along2;
@@ -381,17 +406,17 @@ void ClipEvidence::MeasureError3d() {
     if (!observation.use_3d) continue;
     errors.push_back(observation.error_mm);
     if (f == 0 || f + 1 == num_frames()) continue;
-    for (size_t i = 0; i < detections2d_.joints.size(); ++i) {
-      const int column = column3d_[static_cast<int>(detections2d_.joints[i])];
+    for (size_t i = 0; i < detections2d_->joints.size(); ++i) {
+      const int column = column3d_[static_cast<int>(detections2d_->joints[i])];
       if (column < 0) continue;
       bool seen = true;
       for (const int g : {f - 1, f, f + 1}) {
-        seen = seen && detections2d_.frames[g].confidence[i] > 0 &&
+        seen = seen && detections2d_->frames[g].confidence[i] > 0 &&
                detections3d_->frames[g].confidence[column] > 0;
       }
       if (!seen) continue;
       const auto x = [&](int g) { return detections3d_->frames[g].positions.col(column); };
-      const auto u = [&](int g) { return detections2d_.frames[g].pixels.col(i); };
+      const auto u = [&](int g) { return detections2d_->frames[g].pixels.col(i); };
       const Eigen::Vector3d bend = 1000 * observation.scale_3d * (x(f - 1) - 2 * x(f) + x(f + 1));
       const Eigen::Vector2d bend_2d = observation.mm_per_px * (u(f - 1) - 2 * u(f) + u(f + 1));
       across2.push_back(bend.head<2>().squaredNorm());
@@ -401,10 +426,10 @@ void ClipEvidence::MeasureError3d() {
   }
   error_3d_mm_ = kMaxError3dMm;
   depth_error_ratio_ = options_.depth_error_ratio;
-  if (errors.empty()) return;
+  if (errors.empty()) return 1;
   const double error_mm = Median(&errors);
   error_3d_mm_ = std::clamp(kErrorSpread * error_mm, kMinError3dMm, kMaxError3dMm);
-  if (across2.empty()) return;
+  if (across2.empty()) return 1;
   // Medians of |x|^2 for unit normals: 1.386 in two dimensions, 0.455 in one; a second difference of
   // white noise has six times its variance.
   const double motion2 = Median(&pixels2) / 1.386 / 6;
@@ -414,7 +439,7 @@ void ClipEvidence::MeasureError3d() {
   const double white_ratio = std::sqrt(white_along2 / std::max(1e-6, white_across2));
   depth_error_ratio_ = (1 - share) * options_.depth_error_ratio +
                        share * std::clamp(white_ratio, 0.5, options_.depth_error_ratio);
-  rest_share_ = 1 - kWhiteRestDiscount * share;
+  return 1 - kWhiteRestDiscount * share;
 }
 
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,

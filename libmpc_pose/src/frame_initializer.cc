@@ -17,11 +17,13 @@ namespace {
 
 constexpr int kMinPoints = 4;
 constexpr double kMaxTrackedGapSeconds = 0.2;  // the previous pose is still a start after it
+constexpr double kCheckSeconds = 0.25;         // between two starts that ignore the neighbour
 constexpr int kNumSeeds = 12;                  // frames tried as the one to start from
 // A start fits when its cost is at most this factor above the typical cost of the clip so far.
 constexpr double kGoodFactor = 2.5;
 // Robust scales are narrowed in steps (graduated non-convexity): a factor of the final ones.
 constexpr double kWideLoss = 3;
+constexpr double kCrouch = 1.4;  // rad; a start for people who sit or squat
 // Exchanged sides, or a jump to another facing, must explain the frame this much better.
 constexpr double kJumpPenalty = 1.5;
 // Speeds a tracked pose may change with, at the price of one typical detection error (20 mm).
@@ -94,7 +96,14 @@ TrackPriorEnergy TrackPrior(const Eigen::VectorXd& neighbour, double seconds) {
 class FrameSearch {
  public:
   explicit FrameSearch(const ClipEvidence& evidence)
-      : evidence_(evidence), relaxed_(RelaxedPose(evidence.skeleton())) {}
+      : evidence_(evidence), relaxed_(RelaxedPose(evidence.skeleton())), crouched_(relaxed_) {
+    for (size_t h = 0; h < evidence.skeleton().hinges.size(); ++h) {
+      const Hinge& hinge = evidence.skeleton().hinges[h];
+      const bool bends =
+          hinge.name.ends_with("hip_flexion") || hinge.name.ends_with("knee_flexion");
+      if (bends) crouched_[6 + h] = std::clamp(kCrouch, hinge.min_rad, hinge.max_rad);
+    }
+  }
 
   // Forgets the candidates; from now on they also compete by their distance from a neighbour.
   void Reset(const TrackPriorEnergy& prior = {}) {
@@ -119,7 +128,9 @@ class FrameSearch {
     Keep(observation, side_swap, penalty, candidate);
   }
 
+  // Starts that ignore the neighbour; they do not pay for the way from it either.
   void FromFacings(const FrameObservation& observation, double penalty) {
+    prior_ = {};
     std::vector<Eigen::Matrix3d> facings;
     if (observation.use_3d) {
       if (const auto torso = TorsoRotation(evidence_, observation)) facings.push_back(*torso);
@@ -133,7 +144,7 @@ class FrameSearch {
       }
     }
     for (const Eigen::Matrix3d& facing : facings) {
-      for (Eigen::VectorXd start : {relaxed_, ZeroPose(evidence_.skeleton())}) {
+      for (Eigen::VectorXd start : {relaxed_, ZeroPose(evidence_.skeleton()), crouched_}) {
         start.segment<3>(3) = LogSO3(facing);
         start.head<3>() = FitRootTranslation(evidence_, observation, start);
         FromPose(observation, SideSwap::kNone, penalty, start);
@@ -178,6 +189,7 @@ class FrameSearch {
 
   const ClipEvidence& evidence_;
   Eigen::VectorXd relaxed_;
+  Eigen::VectorXd crouched_;
   TrackPriorEnergy prior_;
   FrameSolveScratch scratch_;
 };
@@ -185,8 +197,8 @@ class FrameSearch {
 // Exchanges worth a try. When 2D and 3D contradict each other but agree after exchanging one of
 // them, one is wrong; else both are or none is.
 std::vector<SideSwap> PossibleSwaps(const ClipEvidence& evidence, const FrameObservation& seen,
-                                    int f) {
-  const FrameObservation exchanged = evidence.Observe(f, SideSwap::k2d);
+                                    int f, const Eigen::Vector3d& hips) {
+  const FrameObservation exchanged = evidence.Observe(f, SideSwap::k2d, &hips);
   if (exchanged.use_3d && exchanged.pck < 0.5 * seen.pck) return {SideSwap::k2d, SideSwap::k3d};
   return {SideSwap::kBoth};
 }
@@ -210,7 +222,8 @@ void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
 
 double PersonDepth(const Eigen::VectorXd& pose) { return std::max(0.1, pose[2]); }
 
-FrameInitialization InitializeFrames(const ClipEvidence& evidence, double fps) {
+FrameInitialization InitializeFrames(const ClipEvidence& evidence) {
+  const double fps = evidence.fps();
   const int num_frames = evidence.num_frames();
   FrameInitialization result;
   result.poses.setZero(evidence.skeleton().num_dofs(), num_frames);
@@ -225,10 +238,13 @@ FrameInitialization InitializeFrames(const ClipEvidence& evidence, double fps) {
   FrameSearch search(evidence);
   double cost_sum = 0;
   int num_solved = 0;
+  std::vector<double> costs(num_frames, std::numeric_limits<double>::infinity());
   const auto accept = [&](int f) {
+    costs[f] = search.cost;
     result.poses.col(f) = search.pose;
     result.swaps[f] = search.swap;
-    if (search.swap != SideSwap::kNone) result.observations[f] = evidence.Observe(f, search.swap);
+    const Eigen::Vector3d hips = search.pose.head<3>();
+    result.observations[f] = evidence.Observe(f, search.swap, &hips);
     result.observed[f] = true;
     cost_sum += search.cost;
     ++num_solved;
@@ -261,31 +277,59 @@ FrameInitialization InitializeFrames(const ClipEvidence& evidence, double fps) {
   accept(seed);
 
   const int max_gap = std::max(2, static_cast<int>(std::lround(kMaxTrackedGapSeconds * fps)));
-  const auto track = [&](int f, int previous) {
-    const FrameObservation& seen = result.observations[f];
-    const int gap = std::abs(f - previous);
-    const Eigen::VectorXd start = result.poses.col(previous);
-    search.Reset(TrackPrior(start, gap / fps));
-    if (gap <= max_gap) {
-      search.FromNeighbour(seen, SideSwap::kNone, start);
-      if (!fits()) {
-        for (const SideSwap swap : PossibleSwaps(evidence, seen, f)) {
-          search.FromNeighbour(evidence.Observe(f, swap), swap, start);
+  const int check_every = std::max(1, static_cast<int>(std::lround(kCheckSeconds * fps)));
+  // Follows the usable frames from position i on in one direction. A frame that starts anew with
+  // success shows that the frames before it were wrong: they are tracked again from it, as far
+  // as that explains them better.
+  const auto follow = [&](int i, int direction) {
+    const auto neighbour_start = [&](int f, int previous) {
+      search.Reset(TrackPrior(result.poses.col(previous), std::abs(f - previous) / fps));
+      return Eigen::VectorXd(result.poses.col(previous));
+    };
+    int previous = usable[i];
+    int unchecked = 0;
+    for (i += direction; i >= 0 && i < static_cast<int>(usable.size()); i += direction) {
+      const int f = usable[i];
+      const bool near = std::abs(f - previous) <= max_gap;
+      const Eigen::VectorXd start = neighbour_start(f, previous);
+      const Eigen::Vector3d hips = start.head<3>();
+      const FrameObservation seen =
+          near ? evidence.Observe(f, SideSwap::kNone, &hips) : result.observations[f];
+      if (near) {
+        search.FromNeighbour(seen, SideSwap::kNone, start);
+        if (!fits()) {
+          for (const SideSwap swap : PossibleSwaps(evidence, seen, f, hips)) {
+            search.FromNeighbour(evidence.Observe(f, swap, &hips), swap, start);
+          }
         }
       }
+      const double tracked_cost = search.cost;
+      if (!fits() || ++unchecked >= check_every) {
+        unchecked = 0;
+        search.FromFacings(seen, near ? kJumpPenalty : 1);
+      }
+      if (!std::isfinite(search.cost)) continue;
+      const bool jumped = near && search.cost < tracked_cost;
+      accept(f);
+      previous = f;
+      if (!jumped) continue;
+      for (int k = i - direction; k >= 0 && k < static_cast<int>(usable.size()); k -= direction) {
+        const int g = usable[k];
+        const int from = usable[k + direction];
+        if (std::abs(g - from) > max_gap || !result.observed[from]) break;
+        const Eigen::VectorXd again = neighbour_start(g, from);
+        const Eigen::Vector3d again_hips = again.head<3>();
+        search.FromNeighbour(evidence.Observe(g, SideSwap::kNone, &again_hips), SideSwap::kNone,
+                             again);
+        if (search.cost >= costs[g]) break;
+        accept(g);
+      }
     }
-    if (!fits()) search.FromFacings(seen, gap <= max_gap ? kJumpPenalty : 1);
-    if (std::isfinite(search.cost)) accept(f);
-    return result.observed[f];
   };
-  int previous = seed;
-  for (const int f : usable) {
-    if (f > seed && track(f, previous)) previous = f;
-  }
-  previous = seed;
-  for (auto f = usable.rbegin(); f != usable.rend(); ++f) {
-    if (*f < seed && track(*f, previous)) previous = *f;
-  }
+  const int seed_position =
+      static_cast<int>(std::find(usable.begin(), usable.end(), seed) - usable.begin());
+  follow(seed_position, 1);
+  follow(seed_position, -1);
   FillGaps(result.observed, &result.poses);
   return result;
 }

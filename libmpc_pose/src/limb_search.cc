@@ -204,7 +204,7 @@ std::vector<int> BestPath(const std::vector<const Candidates*>& frames, double s
 }  // namespace
 
 void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                 double fps, Eigen::MatrixXd* poses) {
+                 Eigen::MatrixXd* poses) {
   const int num_frames = static_cast<int>(poses->cols());
   const std::vector<Limb> limbs = MakeLimbs(evidence.skeleton());
   std::vector<std::vector<Candidates>> candidates(num_frames);
@@ -221,7 +221,7 @@ void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initia
     for (size_t l = 0; begin < end && l < limbs.size(); ++l) {
       std::vector<const Candidates*> frames;
       for (int f = begin; f < end; ++f) frames.push_back(&candidates[f][l]);
-      const std::vector<int> path = BestPath(frames, 1 / fps);
+      const std::vector<int> path = BestPath(frames, 1 / evidence.fps());
       for (int f = begin; f < end; ++f) {
         if (path[f - begin] == 0) continue;  // as it is
         const Candidate& chosen = candidates[f][l][path[f - begin]];

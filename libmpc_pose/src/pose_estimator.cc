@@ -17,8 +17,11 @@ namespace {
 
 // A joint whose detection is farther away than this was not believed by the robust loss.
 constexpr double kRejectedMm = 150;
+// Exchanged sides must explain a frame this much better to be reported.
+constexpr double kSwapFactor = 1.5;
 // Share of w_d inside the subspace never quite reaches 1: coefficients stay variables of their own.
 constexpr double kMaxBandPenalty = 0.999;
+constexpr int kNumRounds = 3;
 
 class Stopwatch {
  public:
@@ -62,16 +65,16 @@ void SetSmoothness(const PoseOptions& options, double fps, int num_frames, Batch
   problem->smoothness.head<3>().setConstant(weight(1000 * options.lambda_translation));
   problem->smoothness.segment<3>(3).setConstant(weight(options.lambda_rotation));
   problem->smoothness.tail(num_dofs - 6).setConstant(weight(options.lambda_angles));
-  problem->band_penalty.setZero(size);
+  problem->band_penalty.setZero(num_dofs, size);
   if (!options.soft_band) return;
   for (int k = 0; k < size; ++k) {
-    problem->band_penalty[k] =
-        std::min(kMaxBandPenalty, std::pow(static_cast<double>(k) / size, 8));
+    problem->band_penalty.col(k).setConstant(
+        std::min(kMaxBandPenalty, std::pow(static_cast<double>(k) / size, 8)));
   }
 }
 
 BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                       const Window& window, double fps) {
+                       const Window& window) {
   BatchProblem problem;
   problem.skeleton = evidence.skeleton();
   const Eigen::VectorXd relaxed = RelaxedPose(evidence.skeleton());
@@ -82,44 +85,86 @@ BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& 
     problem.frames.push_back(evidence.MakeProblem(initialization.observations[f], PersonDepth(pose),
                                                   /*loss_width=*/1, rest));
   }
-  SetSmoothness(evidence.options(), fps, window.size(), &problem);
+  SetSmoothness(evidence.options(), evidence.fps(), window.size(), &problem);
   return problem;
 }
 
-FrameReport ReportFrame(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                        const Eigen::VectorXd& pose, int f) {
-  FrameReport report;
-  const Skeleton& skeleton = evidence.skeleton();
-  report.joints.resize(skeleton.num_joints());
-  const FrameObservation& observation = initialization.observations[f];
-  report.used_3d = observation.use_3d;
-  report.swapped_sides = initialization.swaps[f] != SideSwap::kNone;
+// The band's penalties after the spectrum of an earlier solution of the clip.
+void AdaptBand(const FrameInitialization& initialization, const Window& window,
+               const Eigen::MatrixXd& poses, BatchProblem* problem) {
+  const Eigen::MatrixXd spectrum =
+      SubspaceCoefficients(*problem, poses.middleCols(window.begin, window.size()));
+  // What was not observed shows no motion.
+  const auto first = initialization.observed.begin() + window.begin;
+  const double observed_share =
+      static_cast<double>(std::count(first, first + window.size(), true)) / window.size();
+  problem->band_penalty =
+      observed_share * AdaptedShares(spectrum, problem->smoothness, kNoiseCost, kMaxBandPenalty);
+}
 
+// Detections of one frame beside the projected joints, sides as detected or exchanged.
+struct Comparison {
+  std::vector<JointReport> joints;
+  double residual_px = 0;  // mean
+  int num_seen = 0;
+};
+
+Comparison Compare(const ClipEvidence& evidence, const Detections2d& detections, int f,
+                   const Eigen::Matrix3Xd& joints, double px_per_mm, bool exchanged) {
+  const Skeleton& skeleton = evidence.skeleton();
+  const Detections2d::Frame& frame = detections.frames[f];
+  Comparison comparison;
+  comparison.joints.resize(skeleton.num_joints());
+  for (size_t i = 0; i < detections.joints.size(); ++i) {
+    const JointId seen = detections.joints[i];
+    const int index = skeleton.FindJointIndex(exchanged ? MirrorJoint(seen) : seen);
+    Eigen::Vector2d pixel;
+    if (index < 0 || frame.confidence[i] <= 0 ||
+        !Project(evidence.camera(), joints.col(index), &pixel)) {
+      continue;
+    }
+    JointReport& joint = comparison.joints[index];
+    joint.residual_px = (pixel - frame.pixels.col(i)).norm();
+    const double relative = joint.residual_px / (kRejectedMm * px_per_mm);
+    joint.confidence = std::min(1.0, frame.confidence[i]) / (1 + relative * relative);
+    joint.state = relative > 1 ? TrackState::kRejected : TrackState::kTracked;
+    comparison.residual_px += joint.residual_px;
+    ++comparison.num_seen;
+  }
+  comparison.residual_px /= std::max(1, comparison.num_seen);
+  return comparison;
+}
+
+FrameReport ReportFrame(const ClipEvidence& evidence, const FrameInitialization& initialization,
+                        const Detections2d& detections, const Eigen::VectorXd& pose, int f) {
+  const Skeleton& skeleton = evidence.skeleton();
   KinematicState state;
   ForwardKinematics(skeleton, pose, &state);
   const double px_per_mm =
       (evidence.camera().fx + evidence.camera().fy) / 2 / (1000 * PersonDepth(pose));
-  int num_seen = 0;
-  for (const Observation2d& point : observation.points) {
-    JointReport& joint = report.joints[point.joint];
-    Eigen::Vector2d pixel;
-    if (!Project(evidence.camera(), state.joints.col(point.joint), &pixel)) continue;
-    joint.residual_px = (pixel - point.pixel).norm();
-    const double relative = joint.residual_px / (kRejectedMm * px_per_mm);
-    joint.confidence = std::min(1.0, point.confidence) / (1 + relative * relative);
-    joint.state = relative > 1 ? TrackState::kRejected : TrackState::kTracked;
-    report.residual_px += joint.residual_px;
-    ++num_seen;
+  const auto compare = [&](bool exchanged) {
+    return Compare(evidence, detections, f, state.joints, px_per_mm, exchanged);
+  };
+  Comparison seen = compare(false);
+  FrameReport report;
+  report.used_3d = initialization.observations[f].use_3d;
+  report.swapped_sides = initialization.swaps[f] != SideSwap::kNone;
+  const Comparison exchanged = compare(true);
+  if (exchanged.residual_px * kSwapFactor < seen.residual_px) {
+    seen = exchanged;
+    report.swapped_sides = true;
   }
-  if (num_seen > 0) report.residual_px /= num_seen;
+  report.joints = std::move(seen.joints);
+  report.residual_px = seen.residual_px;
   int num_tracked = 0;
   for (int j = 0; j < std::min(kNumPaperJoints, skeleton.num_joints()); ++j) {
     report.confidence += report.joints[j].confidence / kNumPaperJoints;
     num_tracked += report.joints[j].state == TrackState::kTracked ? 1 : 0;
   }
   if (initialization.observed[f]) {
-    report.state = 2 * num_tracked >= std::min(num_seen, kNumPaperJoints) ? TrackState::kTracked
-                                                                          : TrackState::kRejected;
+    report.state = 2 * num_tracked >= std::min(seen.num_seen, kNumPaperJoints)
+                       ? TrackState::kTracked
+                       : TrackState::kRejected;
   }
   return report;
 }
@@ -145,56 +190,59 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
   PoseTrack track;
 
   Stopwatch initialization_watch;
-  ClipEvidence evidence(skeleton, camera, detections2d, detections3d, options);
-  FrameInitialization initialization = InitializeFrames(evidence, fps);
+  ClipEvidence evidence(skeleton, camera, detections2d, detections3d, fps, options);
+  FrameInitialization initialization = InitializeFrames(evidence);
   track.seconds_initialization = initialization_watch.Seconds();
 
   Stopwatch calibration_watch;
   if (options.fit_proportions) {
-    const CalibrationResult calibration =
-        CalibrateProportions(evidence, detections2d, detections3d, initialization);
+    const CalibrationResult calibration = CalibrateProportions(evidence, initialization);
     track.proportions = calibration.proportions;
     track.uncertainty = calibration.uncertainty;
+    evidence = evidence.ForSkeleton(ScaledSkeleton(skeleton, track.proportions));
+    initialization = InitializeFrames(evidence);
   }
-  const ClipEvidence fitted(ScaledSkeleton(skeleton, track.proportions), camera, detections2d,
-                            detections3d, options);
-  if (options.fit_proportions) initialization = InitializeFrames(fitted, fps);
   track.seconds_calibration = calibration_watch.Seconds();
 
   Stopwatch batch_watch;
   const std::vector<Window> windows =
-      MakeWindows(fitted.num_frames(), options.window_frames, options.overlap_frames);
+      MakeWindows(evidence.num_frames(), options.window_frames, options.overlap_frames);
   track.num_windows = static_cast<int>(windows.size());
   track.poses = initialization.poses;
-  const auto solve_windows = [&](int first_step, int num_steps) {
+  // Later rounds start from the one before, with the limbs chosen over the clip and each dof's
+  // smoothness after its own spectrum.
+  const int num_rounds = options.test_depth_flips || options.adaptive_band ? kNumRounds : 1;
+  for (int round = 0; round < num_rounds && !track.cancelled; ++round) {
+    const Eigen::MatrixXd before = track.poses;
+    if (round > 0 && options.test_depth_flips) ChooseLimbs(evidence, initialization, &track.poses);
     std::vector<Eigen::MatrixXd> solved(windows.size());
-    for (size_t w = 0; w < windows.size(); ++w) {
+    // Groups of a few windows keep the threads busy and let the callback stop between them.
+    const int group = 4 * ResolveNumThreads(options.num_threads);
+    for (int first = 0; first < track.num_windows && !track.cancelled; first += group) {
+      const int count = std::min(group, track.num_windows - first);
+      ParallelFor(count, options.num_threads, [&](int i) {
+        const Window& window = windows[first + i];
+        BatchProblem problem = MakeBatch(evidence, initialization, window);
+        if (round > 0 && options.adaptive_band) AdaptBand(initialization, window, before, &problem);
+        solved[first + i] = track.poses.middleCols(window.begin, window.size());
+        SolveBatch(problem, options.batch_solver, &solved[first + i]);
+      });
+      if (progress) {
+        const int done = round * track.num_windows + first + count;
+        track.cancelled = !progress({"pose", done, num_rounds * track.num_windows});
+      }
+    }
+    for (size_t w = 0; w < windows.size(); ++w) {  // windows that were not reached keep their start
+      if (solved[w].size() > 0) continue;
       solved[w] = track.poses.middleCols(windows[w].begin, windows[w].size());
     }
-    // Rounds of a few windows keep the threads busy and let the callback stop between them.
-    const int round = 4 * ResolveNumThreads(options.num_threads);
-    for (int first = 0; first < track.num_windows && !track.cancelled; first += round) {
-      const int count = std::min(round, track.num_windows - first);
-      ParallelFor(count, options.num_threads, [&](int i) {
-        const int w = first + i;
-        SolveBatch(MakeBatch(fitted, initialization, windows[w], fps), options.batch_solver,
-                   &solved[w]);
-      });
-      if (progress) track.cancelled = !progress({"pose", first_step + first + count, num_steps});
-    }
-    track.poses = BlendWindows(windows, solved, fitted.num_frames());
-  };
-  if (options.test_depth_flips) {
-    solve_windows(0, 2 * track.num_windows);
-    if (!track.cancelled) ChooseLimbs(fitted, initialization, fps, &track.poses);
-    solve_windows(track.num_windows, 2 * track.num_windows);
-  } else {
-    solve_windows(0, track.num_windows);
+    track.poses = BlendWindows(windows, solved, evidence.num_frames());
   }
   track.seconds_batch = batch_watch.Seconds();
 
-  for (int f = 0; f < fitted.num_frames(); ++f) {
-    track.frames.push_back(ReportFrame(fitted, initialization, track.poses.col(f), f));
+  for (int f = 0; f < evidence.num_frames(); ++f) {
+    track.frames.push_back(
+        ReportFrame(evidence, initialization, detections2d, track.poses.col(f), f));
   }
   return track;
 }

@@ -13,6 +13,8 @@ PoseOptions PoseOptions::Paper() {
   options.basis_size = 8;
   options.weight_smooth = 50;
   options.soft_band = false;
+  options.adaptive_band = false;
+  options.repair_detections = false;
   options.anisotropic_3d = false;
   options.pixels_in_mm = false;
   options.confidence_weights = false;

@@ -46,4 +46,22 @@ Eigen::MatrixXd BasisComplement(const Eigen::MatrixXd& basis) {
   return DctRows(num_vectors, num_frames - num_vectors, num_frames);
 }
 
+Eigen::MatrixXd AdaptedShares(const Eigen::MatrixXd& coefficients, const Eigen::VectorXd& weights,
+                              double noise_cost, double max_share) {
+  constexpr int kHalfWidth = 2;  // in k
+  const int num_basis = static_cast<int>(coefficients.cols());
+  Eigen::MatrixXd shares = Eigen::MatrixXd::Zero(coefficients.rows(), num_basis);
+  for (int k = 1; k < num_basis; ++k) {
+    const int first = std::max(1, k - kHalfWidth);
+    const int last = std::min(num_basis - 1, k + kHalfWidth);
+    const auto band = coefficients.middleCols(first, last - first + 1);
+    for (int n = 0; n < coefficients.rows(); ++n) {
+      const double variance = band.row(n).squaredNorm() / static_cast<double>(band.cols());
+      // A Gaussian prior's cost is noise_cost C^2 / variance; the share is of weights_n C^2.
+      shares(n, k) = std::min(max_share, noise_cost / std::max(1e-300, weights[n] * variance));
+    }
+  }
+  return shares;
+}
+
 }  // namespace mpc

@@ -29,11 +29,11 @@ Outcome RunClips(MotionKind motion, const DetectionNoise& noise) {
     const SyntheticClip clip = MakeClip(motion, kFrames, kFps, noise, seed);
     const PoseOptions options = testing::PlainOptions();
     const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
-                                &clip.detections.detections3d, options);
+                                &clip.detections.detections3d, kFps, options);
     const auto error = [&](const Eigen::MatrixXd& poses) {
       return FrameErrors(clip, clip.skeleton, poses).mean() / kSeeds;
     };
-    outcome.per_frame_mm += error(InitializeFrames(evidence, kFps).poses);
+    outcome.per_frame_mm += error(InitializeFrames(evidence).poses);
     outcome.batch_mm += error(testing::Estimate(clip, options).poses);
   }
   return outcome;

@@ -28,8 +28,18 @@ BatchProblem EmptyBatch(int num_frames, int basis_size) {
   problem.frames.resize(num_frames);
   problem.basis = DctBasis(basis_size, num_frames);
   problem.smoothness = VectorXd::LinSpaced(problem.skeleton.num_dofs(), 0.5, 40);
-  problem.band_penalty.setZero(basis_size);
+  problem.band_penalty.setZero(problem.smoothness.size(), basis_size);
   return problem;
+}
+
+// Shares of the weight for every dof and coefficient; the mean is free.
+MatrixXd RandomShares(int basis_size) {
+  std::mt19937 rng(11);
+  std::uniform_real_distribution<double> share(0, 0.999);
+  MatrixXd shares(DefaultSkeleton().num_dofs(), basis_size);
+  for (double& x : shares.reshaped()) x = share(rng);
+  shares.col(0).setZero();
+  return shares;
 }
 
 MatrixXd RandomPoses(int num_frames, unsigned seed) {
@@ -79,15 +89,15 @@ TEST(BatchCostTest, IsTheMinimumOverCoefficients) {
 
 TEST(BatchCostTest, BandPenaltyIsTheMinimumOverShrunkCoefficients) {
   BatchProblem problem = EmptyBatch(30, 6);
-  problem.band_penalty << 0, 0.1, 0.3, 0.5, 0.9, 0.999;
+  problem.band_penalty = RandomShares(6);
   const MatrixXd poses = RandomPoses(30, 5);
   const MatrixXd s = InChart(poses);
-  const VectorXd kept = 1 - problem.band_penalty.array();
-  const VectorXd band = problem.band_penalty.array() / kept.array();
-  const MatrixXd c = s * problem.basis.transpose() * kept.asDiagonal();
+  const MatrixXd kept = 1 - problem.band_penalty.array();
+  const MatrixXd band = problem.band_penalty.array() / kept.array();
+  const MatrixXd c = (s * problem.basis.transpose()).cwiseProduct(kept);
   const MatrixXd weight = problem.smoothness.cwiseSqrt().asDiagonal();
   const double expected = (weight * (s - c * problem.basis)).squaredNorm() +
-                          (weight * c * band.cwiseSqrt().asDiagonal()).squaredNorm();
+                          (weight * c.cwiseProduct(band.cwiseSqrt())).squaredNorm();
   EXPECT_NEAR(BatchCost(problem, poses), expected, 1e-12 * expected);
 }
 
@@ -113,7 +123,7 @@ TEST(BatchCostTest, OutsideTheDomainIsInfinite) {
 // frame, tied by E_d with a soft band.
 TEST(BatchStepTest, SolvesAQuadraticProblemAtOnce) {
   BatchProblem problem = EmptyBatch(20, 6);
-  problem.band_penalty << 0, 0.1, 0.3, 0.5, 0.9, 0.999;
+  problem.band_penalty = RandomShares(6);
   std::mt19937 rng(6);
   std::uniform_real_distribution<double> share(0.4, 0.6);
   MatrixXd poses = MatrixXd::Zero(problem.skeleton.num_dofs(), 20);

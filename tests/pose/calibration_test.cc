@@ -17,10 +17,9 @@ TEST(CalibrationTest, FindsKnownProportions) {
       testing::MakeClip(MotionKind::kReach, 100, 30, {}, 1, performer);
   const PoseOptions options = testing::PlainOptions();
   const ClipEvidence evidence(DefaultSkeleton(), clip.camera, clip.detections.detections2d,
-                              &clip.detections.detections3d, options);
-  const FrameInitialization start = InitializeFrames(evidence, clip.fps);
-  const CalibrationResult result = CalibrateProportions(evidence, clip.detections.detections2d,
-                                                        &clip.detections.detections3d, start);
+                              &clip.detections.detections3d, clip.fps, options);
+  const FrameInitialization start = InitializeFrames(evidence);
+  const CalibrationResult result = CalibrateProportions(evidence, start);
   for (int p = 0; p < kNumBodyParts; ++p) {
     EXPECT_NEAR(result.proportions.part[p], known.part[p], 0.02)
         << BodyPartName(static_cast<BodyPart>(p));
@@ -33,14 +32,13 @@ TEST(CalibrationTest, NobodySeenIsTheRigItself) {
       testing::MakeClip(MotionKind::kWalk, 5, 30, {.gaps = {{0, 5}}}, 1);
   const PoseOptions options = testing::PlainOptions();
   const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
-                              &clip.detections.detections3d, options);
+                              &clip.detections.detections3d, clip.fps, options);
   FrameInitialization start;
   start.poses = clip.poses;
   start.observed.assign(5, false);
   start.swaps.assign(5, SideSwap::kNone);
   start.observations.resize(5);
-  const CalibrationResult result = CalibrateProportions(evidence, clip.detections.detections2d,
-                                                        &clip.detections.detections3d, start);
+  const CalibrationResult result = CalibrateProportions(evidence, start);
   for (int p = 0; p < kNumBodyParts; ++p) {
     EXPECT_EQ(result.proportions.part[p], 1);
     EXPECT_GT(result.uncertainty.part[p], 0.02);

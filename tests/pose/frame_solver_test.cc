@@ -96,8 +96,8 @@ TEST_P(FacingTest, PerfectDetectionsGiveThePose) {
   seen.detections3d.ray_aligned = false;
   PoseOptions options = testing::PlainOptions();
   options.weight_rest = 1e-3;
-  const ClipEvidence evidence(skeleton, camera, seen.detections2d, &seen.detections3d, options);
-  const FrameInitialization found = InitializeFrames(evidence, 30);
+  const ClipEvidence evidence(skeleton, camera, seen.detections2d, &seen.detections3d, 30, options);
+  const FrameInitialization found = InitializeFrames(evidence);
   ASSERT_TRUE(found.observed[0]);
   EXPECT_EQ(found.swaps[0], SideSwap::kNone);
   const Eigen::MatrixXd joints = JointTrajectories(skeleton, found.poses);

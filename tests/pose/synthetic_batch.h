@@ -111,10 +111,10 @@ inline void SetSmoothness(Terms terms, double fps, BatchProblem* problem) {
   const double weight = paper ? 50 : 0.2;
   problem->smoothness.setConstant(problem->skeleton.num_dofs(), weight * 600 * 600);
   problem->smoothness.head<3>().setConstant(weight * 1000 * 1000);
-  problem->band_penalty.setZero(problem->basis.rows());
+  problem->band_penalty.setZero(problem->smoothness.size(), problem->basis.rows());
   if (paper) return;
   for (int k = 0; k < size; ++k) {
-    problem->band_penalty[k] = std::pow(static_cast<double>(k) / size, 4);
+    problem->band_penalty.col(k).setConstant(std::pow(static_cast<double>(k) / size, 4));
   }
 }
 

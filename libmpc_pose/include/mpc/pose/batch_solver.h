@@ -21,8 +21,8 @@ struct BatchProblem {
   // N: w_d lambda^2 per dof; root translation per m^2, root rotation (in chart coordinates of
   // root_chart.h) and angles per rad^2. All positive.
   Eigen::VectorXd smoothness;
-  // K: share in [0, 1) of that weight on coefficient k inside the subspace; zeros in the paper.
-  Eigen::VectorXd band_penalty;
+  // N x K: share in [0, 1) of that weight on coefficient k inside the subspace; zeros in the paper.
+  Eigen::MatrixXd band_penalty;
 };
 
 struct BatchSolveOptions {
@@ -32,8 +32,11 @@ struct BatchSolveOptions {
 };
 
 // Total cost of poses (N x F): sum of frame costs + sum_n smoothness_n (|(S (I - D^T D))_n|^2 +
-// sum_k band_penalty_k (S D^T)_nk^2); infinity outside the domain. The chart is chosen from the poses.
+// sum_k band_penalty_nk (S D^T)_nk^2); infinity outside the domain. The chart is chosen from the poses.
 double BatchCost(const BatchProblem& problem, const Eigen::MatrixXd& poses);
+
+// The subspace coefficients S D^T of poses (N x F), N x K; the chart is chosen from the poses.
+Eigen::MatrixXd SubspaceCoefficients(const BatchProblem& problem, const Eigen::MatrixXd& poses);
 
 // Projected Levenberg-Marquardt from `poses` (N x F, clamped into the bounds first), which it
 // improves. Cost per iteration O(F N^3 + (N K)^3) for few basis vectors, else O(F N^3) and O(F N (N +

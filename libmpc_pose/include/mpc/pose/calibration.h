@@ -28,8 +28,6 @@ struct CalibrationResult {
 // initial poses. Without observed frames the result is the rig itself. The overall scale stays 1:
 // one camera cannot tell a large person far away from a small one near by.
 CalibrationResult CalibrateProportions(const ClipEvidence& evidence,
-                                       const Detections2d& detections2d,
-                                       const Detections3d* detections3d,
                                        const FrameInitialization& initialization);
 
 }  // namespace mpc

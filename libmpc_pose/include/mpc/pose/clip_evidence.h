@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <memory>
 #include <vector>
 
 #include "mpc/core/camera.h"
@@ -47,17 +48,24 @@ struct FrameObservation {
 
 class ClipEvidence {
  public:
-  // detections3d may be null. Keeps references to the detections and options.
+  // detections3d may be null.
   ClipEvidence(const Skeleton& skeleton, const Camera& camera, const Detections2d& detections2d,
-               const Detections3d* detections3d, const PoseOptions& options);
+               const Detections3d* detections3d, double fps, const PoseOptions& options);
+
+  // The same evidence for another skeleton with the same joints.
+  ClipEvidence ForSkeleton(const Skeleton& skeleton) const;
 
   const Skeleton& skeleton() const { return skeleton_; }
   const Camera& camera() const { return camera_; }
   const PoseOptions& options() const { return options_; }
   const std::vector<EvidenceBone>& bones() const { return bones_; }
-  int num_frames() const { return static_cast<int>(detections2d_.frames.size()); }
+  int num_frames() const { return static_cast<int>(detections2d_->frames.size()); }
+  double fps() const { return fps_; }
 
-  FrameObservation Observe(int f, SideSwap swap = SideSwap::kNone) const;
+  // hips: where they are in the camera, if known: the ray that ray-aligned 3D detections follow.
+  // Without, the ray through the middle of the 2D points stands for it.
+  FrameObservation Observe(int f, SideSwap swap = SideSwap::kNone,
+                           const Eigen::Vector3d* hips = nullptr) const;
 
   // The frame's energies. depth_m: distance of the person along the optical axis, for the unit of
   // 2D residuals. loss_width: factor on the options' robust scales, 0 for plain squares. rest: the
@@ -70,17 +78,19 @@ class ClipEvidence {
                   double* confidence) const;
   void MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
                   FrameObservation* observation) const;
-  void MeasureError3d();
+  double MeasureError3d();
+
+  void SetSkeleton(const Skeleton& skeleton);
 
   Skeleton skeleton_;
   Camera camera_;
-  const Detections2d& detections2d_;
-  const Detections3d* detections3d_;
-  const PoseOptions& options_;
+  std::shared_ptr<const Detections2d> detections2d_;  // repaired
+  std::shared_ptr<const Detections3d> detections3d_;  // repaired; may be null
+  double fps_ = 0;
+  PoseOptions options_;
   std::vector<EvidenceBone> bones_;
   double error_3d_mm_ = 0;        // typical error of the 3D detections across the ray
   double depth_error_ratio_ = 1;  // and along the ray over that
-  double rest_share_ = 1;         // of the rest prior's weight, see MeasureError3d
   Eigen::VectorXd rest_weights_;  // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
   std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there

@@ -22,7 +22,7 @@ struct FrameInitialization {
 // from the 3D detection's orientation (without one, from four facings); the best by evidence is
 // kept. Frames with fewer than four 2D joints are filled in between their neighbours (rotations on
 // the sphere). Throws Error (kMismatch) when no frame has enough.
-FrameInitialization InitializeFrames(const ClipEvidence& evidence, double fps);
+FrameInitialization InitializeFrames(const ClipEvidence& evidence);
 
 // Distance (m) of a pose's root along the optical axis; what the unit of 2D residuals needs.
 double PersonDepth(const Eigen::VectorXd& pose);

@@ -20,6 +20,6 @@ namespace mpc {
 // Replaces the limbs' angles in `poses` (N x F) by the best path. Frames that were not observed
 // keep theirs and end a path. Parallel by frames; the result does not depend on the threads.
 void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                 double fps, Eigen::MatrixXd* poses);
+                 Eigen::MatrixXd* poses);
 
 }  // namespace mpc

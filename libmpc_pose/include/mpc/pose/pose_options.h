@@ -15,13 +15,16 @@ struct PoseOptions {
   // Trajectory subspace, E_d.
   int basis_size = 0;          // K; 0: from the frame rate and cutoff_hz. Paper: 8
   double cutoff_hz = 4;        // ours: motion above it is noise. In (0, 1000]
-  double weight_smooth = 0.1;  // w_d. Paper: 50, practically a hard projection
+  double weight_smooth = 0.3;  // w_d. Paper: 50, practically a hard projection
   bool soft_band = true;       // ours: w_d fades in as (k / K)^8 inside the subspace; false: paper
+  bool adaptive_band = true;   // ours: and then follows the spectrum of each dof; false: paper
   double lambda_translation = 1;  // per mm (paper)
   double lambda_rotation = 600;   // per rad (paper)
   double lambda_angles = 600;     // per rad (paper)
 
   // Detections.
+  bool repair_detections =
+      true;                    // ours: outliers and short gaps mended from the track; false: paper
   bool anisotropic_3d = true;  // bone vectors weighed per ray axis; false: the paper's E_3d
   double weight_3d = 0.1;      // w_3d of the paper's E_3d
   // ours: bone residuals weigh (20 mm / error)^2. The error across the ray is 0: measured per clip

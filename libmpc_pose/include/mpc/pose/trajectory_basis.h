@@ -18,4 +18,11 @@ int BasisSize(int num_frames, double fps, double cutoff_hz);
 // The orthonormal complement of the rows of `basis`, (F-K) x F: "Null(DCT)" of the paper, transposed.
 Eigen::MatrixXd BasisComplement(const Eigen::MatrixXd& basis);
 
+// Empirical Bayes weights of the subspace's coefficients: the penalty on coefficient k of dof n that
+// is optimal when its variance is what `coefficients` (N x K, of an earlier solution) show, averaged
+// over neighbouring k, and noise of variance noise_cost (the cost of one typical error) lies on the
+// data. Returns N x K shares of `weights` (N), in [0, max_share]; k = 0 is free.
+Eigen::MatrixXd AdaptedShares(const Eigen::MatrixXd& coefficients, const Eigen::VectorXd& weights,
+                              double noise_cost, double max_share);
+
 }  // namespace mpc

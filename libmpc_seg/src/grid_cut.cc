@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstring>
 
 #include "mpc/seg/max_flow.h"
 #include "mpc/seg/trimap.h"
@@ -14,7 +15,8 @@ constexpr double kScale = 1024;       // integer steps per unit of energy
 constexpr double kMaxLogOdds = 1e5;   // keeps sums of a pixel's terms well below 2^30
 constexpr double kNoMoreThan = 1e-4;  // links weaker than this part of gamma count as none
 
-// Neighbours in pairs of opposite directions, so that direction d's opposite is d ^ 1.
+// Neighbours in pairs of opposite directions, so that direction d's opposite is d ^ 1. Even ones lead
+// to pixels that come earlier, row by row.
 struct Direction {
   int dx;
   int dy;
@@ -81,6 +83,18 @@ class Links {
 
 bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
 
+// The first unknown pixel of a row at or after x, or `width`.
+int NextUnknown(const uint8_t* trimap, int x, int width) {
+  constexpr uint64_t kUnknownBits = 0x0202020202020202;  // set in the labels of unknown pixels only
+  uint64_t eight = 0;
+  for (; x + 8 <= width; x += 8) {
+    std::memcpy(&eight, trimap + x, sizeof eight);
+    if ((eight & kUnknownBits) != 0) break;
+  }
+  while (x < width && !IsUnknown(trimap[x])) ++x;
+  return x;
+}
+
 int32_t ScaledLogOdds(const GridCutProblem& problem, int x, int y) {
   const double o = problem.log_odds.at<float>(y, x);
   return cvRound(kScale * std::clamp(o, -kMaxLogOdds, kMaxLogOdds));
@@ -138,53 +152,48 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
   const int degree = problem.eight_connected ? 8 : 4;
   const cv::Size size = problem.trimap.size();
   GridCutResult result;
-  result.labels.create(size, CV_8U);
+  result.labels = problem.trimap & 1;  // that of known pixels; all others are set below
 
+  struct Neighbour {
+    int32_t pixel = -1;  // -1: known or none
+    int32_t link = 0;
+  };
   std::vector<Pixel> pixels;
-  cv::Mat1i index(size);
+  std::vector<Neighbour> neighbours;  // `degree` per pixel
+  // Links of every unknown pixel; those to known pixels are as good as log-odds. A pair of unknown
+  // pixels is linked when the later one is reached; `here` and `above` hold the pixels of two rows.
+  const Links link_of(problem);
+  std::vector<int32_t> here(static_cast<size_t>(size.width)), above(here);
   for (int y = 0; y < size.height; ++y) {
+    std::swap(here, above);
     const uint8_t* trimap = problem.trimap.ptr(y);
-    uint8_t* labels = result.labels.ptr(y);
-    int* row = index[y];
-    for (int x = 0; x < size.width; ++x) {
-      labels[x] = trimap[x] == kTrimapForeground;
-      row[x] = -1;
-      if (IsUnknown(trimap[x])) {
-        row[x] = static_cast<int>(pixels.size());
-        pixels.push_back({x, y, ScaledLogOdds(problem, x, y)});
+    for (int x = NextUnknown(trimap, 0, size.width); x < size.width;
+         x = NextUnknown(trimap, x + 1, size.width)) {
+      const auto p = static_cast<int32_t>(pixels.size());
+      here[static_cast<size_t>(x)] = p;
+      Pixel& pixel = pixels.emplace_back(Pixel{x, y, ScaledLogOdds(problem, x, y)});
+      neighbours.resize(neighbours.size() + static_cast<size_t>(degree));
+      for (int d = 0; d < degree; ++d) {
+        const int qx = x + kDirections[static_cast<size_t>(d)].dx;
+        const int qy = y + kDirections[static_cast<size_t>(d)].dy;
+        if (qx < 0 || qy < 0 || qx >= size.width || qy >= size.height) continue;
+        const uint8_t other = problem.trimap.ptr(qy)[qx];
+        const bool later = d % 2 == 1;
+        if (IsUnknown(other) && later) continue;
+        const int32_t link = link_of(x, y, d);
+        if (!IsUnknown(other)) {
+          pixel.odds += other == kTrimapForeground ? link : -link;
+          continue;
+        }
+        const int32_t q = (qy == y ? here : above)[static_cast<size_t>(qx)];
+        neighbours[static_cast<size_t>(p * degree + d)] = {q, link};
+        neighbours[static_cast<size_t>(q * degree + (d ^ 1))] = {p, link};
+        pixel.links += link;
+        pixels[static_cast<size_t>(q)].links += link;
       }
     }
   }
   result.num_unknown = static_cast<int>(pixels.size());
-
-  // Links of every unknown pixel; those to known pixels are as good as log-odds.
-  const Links link_of(problem);
-  struct Neighbour {
-    int32_t pixel;  // -1: known or none
-    int32_t link;
-  };
-  std::vector<Neighbour> neighbours(pixels.size() * static_cast<size_t>(degree));
-  for (size_t p = 0; p < pixels.size(); ++p) {
-    Pixel& pixel = pixels[p];
-    for (int d = 0; d < degree; ++d) {
-      const int x = pixel.x + kDirections[static_cast<size_t>(d)].dx;
-      const int y = pixel.y + kDirections[static_cast<size_t>(d)].dy;
-      Neighbour& neighbour = neighbours[p * static_cast<size_t>(degree) + static_cast<size_t>(d)];
-      neighbour = {-1, 0};
-      if (x < 0 || y < 0 || x >= size.width || y >= size.height) continue;
-      const int q = index(y, x);
-      if (q < 0) {
-        const int32_t link = link_of(pixel.x, pixel.y, d);
-        pixel.odds += result.labels.ptr(y)[x] ? link : -link;
-        continue;
-      }
-      const bool seen = q < static_cast<int>(p);
-      const int32_t link = seen ? neighbours[static_cast<size_t>(q * degree + (d ^ 1))].link
-                                : link_of(pixel.x, pixel.y, d);
-      neighbour = {q, link};
-      pixel.links += link;
-    }
-  }
 
   // Decide pixels that no labels of their neighbours could turn; this may decide neighbours in turn.
   std::vector<int> pending(pixels.size());

@@ -23,6 +23,13 @@ SegmentationOptions SegmentationOptions::Paper() {
   return options;
 }
 
+SegmentationOptions SegmentationOptions::AfterRefinement() {
+  SegmentationOptions options;
+  options.erode /= 2;
+  options.dilate /= 2;
+  return options;
+}
+
 void SegmentationOptions::Validate() const {
   std::string faults;
   // Also false for a value that is not a number.

@@ -361,6 +361,7 @@ TEST(Silhouette, RefusesWhatDoesNotFit) {
 TEST(SegmentationOptions, NamesEveryFault) {
   EXPECT_NO_THROW(SegmentationOptions{}.Validate());
   EXPECT_NO_THROW(SegmentationOptions::Paper().Validate());
+  EXPECT_NO_THROW(SegmentationOptions::AfterRefinement().Validate());
   SegmentationOptions options;
   options.erode = -1;
   options.gamma_motion = 26;

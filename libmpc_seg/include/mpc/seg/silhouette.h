@@ -48,6 +48,9 @@ struct SegmentationOptions {
   // GrabCut's full energy over the whole crop, 5 rounds, the literal trimap, and the motion cue.
   static SegmentationOptions Paper();
 
+  // For a model that was already fitted to a silhouette: half the band.
+  static SegmentationOptions AfterRefinement();
+
   // Throws Error (kInvalidArgument) naming every fault.
   void Validate() const;
 };

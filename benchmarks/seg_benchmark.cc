@@ -47,34 +47,27 @@ const Frame& TestFrame() {
     const double size = ActorSizePx(masks.model);
     f.trimap =
         MakeTrimap(masks.skeleton, masks.model, {defaults.erode * size, defaults.dilate * size});
-    f.crop = ExtractSilhouette(f.input).roi;
+    f.crop = mpc::ExtractSilhouette(f.input).roi;
     return f;
   }();
   return frame;
 }
 
-void BM_Extract(benchmark::State& state) {
+void ExtractSilhouette(benchmark::State& state) {
   const Frame& frame = TestFrame();
-  for (auto _ : state) benchmark::DoNotOptimize(ExtractSilhouette(frame.input));
+  for (auto _ : state) benchmark::DoNotOptimize(mpc::ExtractSilhouette(frame.input));
 }
-BENCHMARK(BM_Extract)->Unit(benchmark::kMillisecond);
+BENCHMARK(ExtractSilhouette)->Unit(benchmark::kMillisecond);
 
-void BM_ExtractStaticCamera(benchmark::State& state) {
+void ExtractSilhouetteStaticCamera(benchmark::State& state) {
   SegmentationOptions options;
   options.estimate_background_motion = false;
   const Frame& frame = TestFrame();
-  for (auto _ : state) benchmark::DoNotOptimize(ExtractSilhouette(frame.input, options));
+  for (auto _ : state) benchmark::DoNotOptimize(mpc::ExtractSilhouette(frame.input, options));
 }
-BENCHMARK(BM_ExtractStaticCamera)->Unit(benchmark::kMillisecond);
+BENCHMARK(ExtractSilhouetteStaticCamera)->Unit(benchmark::kMillisecond);
 
-void BM_ExtractPaper(benchmark::State& state) {
-  const SegmentationOptions options = SegmentationOptions::Paper();
-  const Frame& frame = TestFrame();
-  for (auto _ : state) benchmark::DoNotOptimize(ExtractSilhouette(frame.input, options));
-}
-BENCHMARK(BM_ExtractPaper)->Unit(benchmark::kMillisecond)->Iterations(1);
-
-void GrabCut(benchmark::State& state, bool crop) {
+void GrabCut(benchmark::State& state, bool crop, int num_rounds) {
   const Frame& frame = TestFrame();
   const cv::Rect area = crop ? frame.crop : cv::Rect({}, frame.input.picture.size());
   const cv::Mat picture = frame.input.picture(area).clone();
@@ -82,32 +75,42 @@ void GrabCut(benchmark::State& state, bool crop) {
     cv::Mat labels = frame.trimap(area).clone();
     cv::Mat background, actor;
     cv::theRNG() = cv::RNG(1);
-    cv::grabCut(picture, labels, {}, background, actor, static_cast<int>(state.range(0)),
-                cv::GC_INIT_WITH_MASK);
+    cv::grabCut(picture, labels, {}, background, actor, num_rounds, cv::GC_INIT_WITH_MASK);
     benchmark::DoNotOptimize(labels.data);
   }
 }
 
-void BM_GrabCutFrame(benchmark::State& state) { GrabCut(state, false); }
-BENCHMARK(BM_GrabCutFrame)->Arg(1)->Arg(5)->Unit(benchmark::kMillisecond)->Iterations(1);
+void ExtractSilhouette_BaselineFrame1Round(benchmark::State& state) { GrabCut(state, false, 1); }
+BENCHMARK(ExtractSilhouette_BaselineFrame1Round)->Unit(benchmark::kMillisecond);
 
-void BM_GrabCutCrop(benchmark::State& state) { GrabCut(state, true); }
-BENCHMARK(BM_GrabCutCrop)->Arg(1)->Arg(5)->Unit(benchmark::kMillisecond)->Iterations(1);
+void ExtractSilhouette_BaselineFrame5Rounds(benchmark::State& state) { GrabCut(state, false, 5); }
+BENCHMARK(ExtractSilhouette_BaselineFrame5Rounds)->Unit(benchmark::kMillisecond);
 
-void BM_BackgroundMotion(benchmark::State& state) {
+void ExtractSilhouette_BaselineCrop1Round(benchmark::State& state) { GrabCut(state, true, 1); }
+BENCHMARK(ExtractSilhouette_BaselineCrop1Round)->Unit(benchmark::kMillisecond);
+
+// The paper's preset: the whole crop at full size, 5 rounds.
+void ExtractSilhouette_BaselinePaperPreset(benchmark::State& state) {
+  const SegmentationOptions options = SegmentationOptions::Paper();
+  const Frame& frame = TestFrame();
+  for (auto _ : state) benchmark::DoNotOptimize(mpc::ExtractSilhouette(frame.input, options));
+}
+BENCHMARK(ExtractSilhouette_BaselinePaperPreset)->Unit(benchmark::kMillisecond);
+
+void BackgroundMotion(benchmark::State& state) {
   const Frame& frame = TestFrame();
   for (auto _ : state) {
     benchmark::DoNotOptimize(EstimateBackgroundMotion(frame.input.previous, frame.input.picture,
                                                       frame.input.model_mask));
   }
 }
-BENCHMARK(BM_BackgroundMotion)->Unit(benchmark::kMillisecond);
+BENCHMARK(BackgroundMotion)->Unit(benchmark::kMillisecond);
 
-void BM_Contour(benchmark::State& state) {
-  const cv::Mat mask = ExtractSilhouette(TestFrame().input).mask;
+void Contour(benchmark::State& state) {
+  const cv::Mat mask = mpc::ExtractSilhouette(TestFrame().input).mask;
   for (auto _ : state) benchmark::DoNotOptimize(ExtractContour(mask));
 }
-BENCHMARK(BM_Contour)->Unit(benchmark::kMillisecond);
+BENCHMARK(Contour)->Unit(benchmark::kMillisecond);
 
 // A grid of side x side nodes with smooth terminals and random links, as segmentation makes them.
 template <typename AddTerminals, typename AddEdge>
@@ -127,7 +130,7 @@ void BuildGrid(int side, const AddTerminals& add_terminals, const AddEdge& add_e
   }
 }
 
-void BM_MaxFlowOurs(benchmark::State& state) {
+void MaximumFlow(benchmark::State& state) {
   const int side = static_cast<int>(state.range(0));
   for (auto _ : state) {
     MaxFlow flow(side * side);
@@ -137,9 +140,9 @@ void BM_MaxFlowOurs(benchmark::State& state) {
     benchmark::DoNotOptimize(flow.Solve());
   }
 }
-BENCHMARK(BM_MaxFlowOurs)->Arg(200)->Unit(benchmark::kMillisecond);
+BENCHMARK(MaximumFlow)->Arg(200)->Unit(benchmark::kMillisecond);
 
-void BM_MaxFlowOpenCv(benchmark::State& state) {
+void MaximumFlow_BaselineOpenCv(benchmark::State& state) {
   const int side = static_cast<int>(state.range(0));
   for (auto _ : state) {
     cv::detail::GCGraph<double> flow(static_cast<unsigned>(side * side),
@@ -151,7 +154,7 @@ void BM_MaxFlowOpenCv(benchmark::State& state) {
     benchmark::DoNotOptimize(flow.maxFlow());
   }
 }
-BENCHMARK(BM_MaxFlowOpenCv)->Arg(200)->Unit(benchmark::kMillisecond);
+BENCHMARK(MaximumFlow_BaselineOpenCv)->Arg(200)->Unit(benchmark::kMillisecond);
 
 }  // namespace
 }  // namespace mpc

@@ -85,7 +85,7 @@ int32_t ColourOdds::Evaluate(const Eigen::Vector3f& bgr) {
   return static_cast<int32_t>(begin);
 }
 
-float ColourOdds::operator()(const uint8_t* bgr, int x, int y) {
+float ColourOdds::operator()(const cv::Vec3b& bgr, int x, int y) {
   int32_t begin = 0;
   if (exact_) {
     densities_.clear();

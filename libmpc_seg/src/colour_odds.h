@@ -30,7 +30,7 @@ class LocalColourModel {
 
   // Shares of the components at a pixel; they sum to 1.
   const float* Shares(int x, int y) const {
-    return shares_.ptr<float>(y / cell_px_) + (x / cell_px_) * num_components();
+    return shares_.ptr<float>(y / cell_px_) + shares_.channels() * ptrdiff_t{x / cell_px_};
   }
 
  private:
@@ -49,7 +49,7 @@ class ColourOdds {
              double outlier_share, bool exact);
 
   // Of a colour at pixel (x, y).
-  float operator()(const uint8_t* bgr, int x, int y);
+  float operator()(const cv::Vec3b& bgr, int x, int y);
 
  private:
   // Appends the components' densities at a colour to densities_ and returns where they begin.

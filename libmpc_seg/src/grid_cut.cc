@@ -55,11 +55,11 @@ class Links {
         motion_{ExpTable(gamma_motion(), 1.5 * problem.beta_motion, kMaxChange),
                 ExpTable(gamma_motion() / std::sqrt(2.0), 1.5 * problem.beta_motion, kMaxChange)} {}
 
-  int32_t operator()(int x, int y, int direction) const {
-    const Direction& d = kDirections[static_cast<size_t>(direction)];
+  int32_t operator()(int x, int y, size_t direction) const {
+    const Direction& d = kDirections[direction];
     const int diagonal = direction >= 4 ? 1 : 0;
-    const uint8_t* a = problem_.bgr.ptr(y) + 3 * x;
-    const uint8_t* b = problem_.bgr.ptr(y + d.dy) + 3 * (x + d.dx);
+    const cv::Vec3b& a = problem_.bgr.ptr<cv::Vec3b>(y)[x];
+    const cv::Vec3b& b = problem_.bgr.ptr<cv::Vec3b>(y + d.dy)[x + d.dx];
     const int db = a[0] - b[0], dg = a[1] - b[1], dr = a[2] - b[2];
     int32_t link = contrast_[diagonal](db * db + dg * dg + dr * dr);
     if (has_motion_) {
@@ -120,8 +120,8 @@ double ContrastBeta(const cv::Mat& bgr, bool eight_connected) {
     if (x_end <= x_begin) continue;
     const size_t n = 3 * static_cast<size_t>(x_end - x_begin);
     for (int y = 0; y + d.dy < bgr.rows; ++y) {
-      const uint8_t* a = bgr.ptr(y) + 3 * x_begin;
-      const uint8_t* b = bgr.ptr(y + d.dy) + 3 * (x_begin + d.dx);
+      const uint8_t* a = bgr.ptr<cv::Vec3b>(y)[x_begin].val;
+      const uint8_t* b = bgr.ptr<cv::Vec3b>(y + d.dy)[x_begin + d.dx].val;
       uint32_t row = 0;  // 16384 pixels of 3 * 255^2 fit
       for (size_t i = 0; i < n; ++i) {
         const int difference = a[i] - b[i];
@@ -149,7 +149,7 @@ cv::Mat SquaredChange(const cv::Mat& a, const cv::Mat& b) {
 }
 
 GridCutResult SolveGridCut(const GridCutProblem& problem) {
-  const int degree = problem.eight_connected ? 8 : 4;
+  const size_t degree = problem.eight_connected ? 8 : 4;
   const cv::Size size = problem.trimap.size();
   GridCutResult result;
   result.labels = problem.trimap & 1;  // that of known pixels; all others are set below
@@ -172,10 +172,10 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
       const auto p = static_cast<int32_t>(pixels.size());
       here[static_cast<size_t>(x)] = p;
       Pixel& pixel = pixels.emplace_back(Pixel{x, y, ScaledLogOdds(problem, x, y)});
-      neighbours.resize(neighbours.size() + static_cast<size_t>(degree));
-      for (int d = 0; d < degree; ++d) {
-        const int qx = x + kDirections[static_cast<size_t>(d)].dx;
-        const int qy = y + kDirections[static_cast<size_t>(d)].dy;
+      neighbours.resize(neighbours.size() + degree);
+      for (size_t d = 0; d < degree; ++d) {
+        const int qx = x + kDirections[d].dx;
+        const int qy = y + kDirections[d].dy;
         if (qx < 0 || qy < 0 || qx >= size.width || qy >= size.height) continue;
         const uint8_t other = problem.trimap.ptr(qy)[qx];
         const bool later = d % 2 == 1;
@@ -186,8 +186,8 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
           continue;
         }
         const int32_t q = (qy == y ? here : above)[static_cast<size_t>(qx)];
-        neighbours[static_cast<size_t>(p * degree + d)] = {q, link};
-        neighbours[static_cast<size_t>(q * degree + (d ^ 1))] = {p, link};
+        neighbours[static_cast<size_t>(p) * degree + d] = {q, link};
+        neighbours[static_cast<size_t>(q) * degree + (d ^ 1)] = {p, link};
         pixel.links += link;
         pixels[static_cast<size_t>(q)].links += link;
       }
@@ -206,8 +206,8 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
     pixel.decided = true;
     const bool inside = pixel.odds > 0;
     result.labels.ptr(pixel.y)[pixel.x] = inside;
-    for (int d = 0; d < degree; ++d) {
-      const Neighbour& neighbour = neighbours[static_cast<size_t>(p * degree + d)];
+    for (size_t d = 0; d < degree; ++d) {
+      const Neighbour& neighbour = neighbours[static_cast<size_t>(p) * degree + d];
       if (neighbour.pixel < 0 || pixels[static_cast<size_t>(neighbour.pixel)].decided) continue;
       Pixel& other = pixels[static_cast<size_t>(neighbour.pixel)];
       other.odds += inside ? neighbour.link : -neighbour.link;
@@ -231,8 +231,8 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
     const int64_t odds = pixels[static_cast<size_t>(p)].odds;
     flow.AddTerminals(n, static_cast<int32_t>(std::max<int64_t>(odds, 0)),
                       static_cast<int32_t>(std::max<int64_t>(-odds, 0)));
-    for (int d = 1; d < degree; d += 2) {
-      const Neighbour& neighbour = neighbours[static_cast<size_t>(p * degree + d)];
+    for (size_t d = 1; d < degree; d += 2) {
+      const Neighbour& neighbour = neighbours[static_cast<size_t>(p) * degree + d];
       if (neighbour.pixel < 0 || node[static_cast<size_t>(neighbour.pixel)] < 0) continue;
       flow.AddEdge(n, node[static_cast<size_t>(neighbour.pixel)], neighbour.link, neighbour.link);
     }
@@ -247,15 +247,15 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
 
 int64_t GridCutEnergy(const GridCutProblem& problem, const cv::Mat& labels) {
   const Links link_of(problem);
-  const int degree = problem.eight_connected ? 8 : 4;
+  const size_t degree = problem.eight_connected ? 8 : 4;
   int64_t energy = 0;
   for (int y = 0; y < labels.rows; ++y) {
     for (int x = 0; x < labels.cols; ++x) {
       const bool unknown = IsUnknown(problem.trimap.ptr(y)[x]);
       if (unknown && labels.ptr(y)[x]) energy -= ScaledLogOdds(problem, x, y);
-      for (int d = 1; d < degree; d += 2) {
-        const int qx = x + kDirections[static_cast<size_t>(d)].dx;
-        const int qy = y + kDirections[static_cast<size_t>(d)].dy;
+      for (size_t d = 1; d < degree; d += 2) {
+        const int qx = x + kDirections[d].dx;
+        const int qy = y + kDirections[d].dy;
         if (qx < 0 || qy < 0 || qx >= labels.cols || qy >= labels.rows) continue;
         if (!unknown && !IsUnknown(problem.trimap.ptr(qy)[qx])) continue;
         if ((labels.ptr(y)[x] != 0) != (labels.ptr(qy)[qx] != 0)) energy += link_of(x, y, d);

@@ -34,7 +34,7 @@ bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
 
 // 255 where at least half of the pixels under a pixel of the smaller mask are set.
 cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
-  const cv::Mat full = mask != 0;
+  cv::Mat full = mask != 0;
   if (full.size() == size) return full;
   cv::Mat small;
   cv::resize(full, small, size, 0, 0, cv::INTER_AREA);
@@ -336,7 +336,7 @@ class Extraction {
   // All log-odds of the unknown pixels of a picture 2^shift times the small one, offset by `at`.
   void SetLogOdds(int shift, const cv::Point& at, GridCutProblem* problem) {
     for (int y = 0; y < problem->bgr.rows; ++y) {
-      const uint8_t* bgr = problem->bgr.ptr(y);
+      const auto* bgr = problem->bgr.ptr<cv::Vec3b>(y);
       const uint8_t* trimap = problem->trimap.ptr(y);
       const float* shape = shape_[(y + at.y) >> shift];
       const float* evidence = evidence_[(y + at.y) >> shift];
@@ -344,7 +344,7 @@ class Extraction {
       for (int x = 0; x < problem->bgr.cols; ++x) {
         if (!IsUnknown(trimap[x])) continue;
         const int i = (x + at.x) >> shift;
-        odds[x] = shape[i] + evidence[i] + (*colour_odds_)(bgr + 3 * x, i, (y + at.y) >> shift);
+        odds[x] = shape[i] + evidence[i] + (*colour_odds_)(bgr[x], i, (y + at.y) >> shift);
       }
     }
   }
@@ -356,7 +356,7 @@ class Extraction {
     for (int y = 0; y < trimap_.rows; ++y) {
       for (int x = 0; x < trimap_.cols; ++x) {
         if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + (*colour_odds_)(small().ptr(y) + 3 * x, x, y);
+        const float odds = evidence_(y, x) + (*colour_odds_)(small().ptr<cv::Vec3b>(y)[x], x, y);
         agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
         ++num_unknown;
       }

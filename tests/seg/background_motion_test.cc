@@ -38,6 +38,24 @@ TEST(BackgroundMotion, FindsAPanBehindAMovingActor) {
   }
 }
 
+TEST(BackgroundMotion, FindsTurnAndZoomOfLargePictures) {
+  TestSceneOptions options;
+  options.size = {1440, 960};
+  options.centre = {720, 480};
+  options.height = 700;
+  const TestScene before = MakeScene(options);
+  const double c = 1.03 * std::cos(0.02), s = 1.03 * std::sin(0.02);
+  const cv::Matx33d truth(c, -s, 6, s, c, -11, 0, 0, 1);  // previous from current
+  cv::Mat now;
+  cv::warpPerspective(before.picture, now, truth, options.size,
+                      cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REFLECT);
+  const auto h = EstimateBackgroundMotion(before.picture, now, {});
+  ASSERT_TRUE(h);
+  for (const cv::Vec2d& p : {cv::Vec2d(100, 100), cv::Vec2d(1300, 120), cv::Vec2d(700, 800)}) {
+    EXPECT_LT(cv::norm(Apply(*h, p) - Apply(truth, p)), 0.8);
+  }
+}
+
 TEST(BackgroundMotion, StillCameraIsExactlyTheIdentity) {
   TestSceneOptions options;
   const TestScene before = MakeScene(options);

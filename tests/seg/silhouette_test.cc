@@ -138,11 +138,26 @@ TEST(Silhouette, MovingCameraIsTakenOut) {
   EXPECT_NEAR(s.previous_from_current(0, 2), -9, 1);
   EXPECT_NEAR(s.previous_from_current(1, 2), 6, 1);
   EXPECT_GT(MaskIou(s.mask, now.truth), 0.96);
+}
 
-  frame.previous_from_current = cv::Matx33d(1, 0, -9, 0, 1, 6, 0, 0, 1);
-  const Silhouette known = ExtractSilhouette(frame);
-  EXPECT_TRUE(known.camera_motion);
-  EXPECT_GT(MaskIou(known.mask, now.truth), 0.96);
+TEST(Silhouette, KnownMotionGivesTheStillCamerasResult) {
+  for (const double scale : {1.0, 3.0}) {
+    TestSceneOptions options;
+    options.size = {cvRound(240 * scale), cvRound(320 * scale)};
+    options.centre *= scale;
+    options.height *= scale;
+    options.same_texture = true;  // so that motion matters
+    FrameInput still = MakeCase(options, 0.03).frame;
+    const Silhouette expected = ExtractSilhouette(still);
+    FrameInput panned = still;
+    const cv::Matx23d pan(1, 0, -8, 0, 1, 4);
+    cv::warpAffine(still.previous, panned.previous, pan, options.size, cv::INTER_NEAREST,
+                   cv::BORDER_REPLICATE);
+    panned.previous_from_current = cv::Matx33d(1, 0, -8, 0, 1, 4, 0, 0, 1);
+    const Silhouette s = ExtractSilhouette(panned);
+    EXPECT_TRUE(s.camera_motion);
+    EXPECT_GT(MaskIou(s.mask, expected.mask), 0.995) << scale;
+  }
 }
 
 TEST(Silhouette, MotionTellsEqualColoursApart) {
@@ -180,6 +195,21 @@ TEST(Silhouette, PersonProbabilityDecidesWhereColoursCannot) {
   EXPECT_EQ(cv::countNonZero(bytes.mask != floats.mask), 0);
   c.frame.person_probability.setTo(std::numeric_limits<float>::quiet_NaN());
   EXPECT_NEAR(MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth), without, 1e-12);
+}
+
+TEST(Silhouette, MoreTrustInTheModelStaysCloserToIt) {
+  TestSceneOptions scene;
+  scene.same_texture = true;
+  const Case c = MakeCase(scene, 0.03);
+  double before = 0;
+  for (const double weight : {0.0, 8.0, 40.0, 1000.0}) {
+    SegmentationOptions options;
+    options.weight_shape = weight;
+    const double iou = ExtractSilhouette(c.frame, options).model_iou;
+    EXPECT_GT(iou, before) << weight;
+    before = iou;
+  }
+  EXPECT_GT(before, 0.95);
 }
 
 TEST(Silhouette, PersonOfTheBackgroundsColourGivesTheModel) {
@@ -298,19 +328,36 @@ TEST(Silhouette, PicturesOfAFewPixels) {
 }
 
 TEST(Silhouette, NoIslandsAndNoPinholes) {
-  // Confetti of the actor's colour near the actor, and of the background's inside of it.
-  Case c = MakeCase();
-  cv::RNG rng(5);
-  for (int i = 0; i < 400; ++i) {
-    const cv::Point p(rng.uniform(0, 240), rng.uniform(0, 320));
-    const bool inside = c.scene.truth.at<uint8_t>(p) != 0;
-    cv::circle(c.frame.picture, p, 1, inside ? cv::Scalar(130, 120, 100) : cv::Scalar(60, 70, 190),
-               cv::FILLED);
+  // Discs of the actor's colour beside the actor, and of the background's inside of it.
+  TestSceneOptions options;
+  Case c = MakeCase(options, 0);
+  c.frame.previous = cv::Mat();
+  cv::Mat inside, outside;
+  cv::distanceTransform(c.scene.truth, inside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  cv::distanceTransform(c.scene.truth == 0, outside, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  for (int y = 10; y < options.size.height; y += 40) {
+    for (int x = 10; x < options.size.width; ++x) {
+      if (outside.at<float>(y, x) > 7.5 && outside.at<float>(y, x) < 8.5) {
+        cv::circle(c.frame.picture, {x, y}, 3, options.colour, cv::FILLED);
+      }
+      if (inside.at<float>(y, x) > 5 && inside.at<float>(y, x) < 6) {
+        cv::circle(c.frame.picture, {x, y}, 2, options.background, cv::FILLED);
+      }
+    }
   }
-  const Silhouette s = ExtractSilhouette(c.frame);
-  cv::Mat region;
-  EXPECT_LE(cv::connectedComponents(s.mask, region), 2 + 2);
-  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.93);
+  const auto num_pieces = [](const cv::Mat& mask) {
+    cv::Mat region;
+    return cv::connectedComponents(mask, region) + cv::connectedComponents(mask == 0, region) - 2;
+  };
+  SegmentationOptions as_cut;
+  as_cut.clean = false;
+  as_cut.weight_shape = 0;
+  SegmentationOptions cleaned = as_cut;
+  cleaned.clean = true;
+  EXPECT_GT(num_pieces(ExtractSilhouette(c.frame, as_cut).mask), num_pieces(c.scene.truth) + 4);
+  const Silhouette s = ExtractSilhouette(c.frame, cleaned);
+  EXPECT_EQ(num_pieces(s.mask), num_pieces(c.scene.truth));
+  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.96);
 }
 
 TEST(Silhouette, PaperPresetSolvesTheSameScene) {

@@ -25,25 +25,21 @@ struct SegmentationOptions {
   bool clip_skeleton = true;  // take R only inside M; false: literally Eq. 9
 
   // Energy.
-  double gamma = 50;         // contrast; GrabCut
-  double gamma_motion = 20;  // motion cue, 0 turns it off; ours, at most gamma / 2
-  double weight_still = 2;   // pixels as still as the background is are background, 0: off; ours
-  double weight_shape = 8;   // trust in M: log-odds at the border of the band, 0: none; ours
-  double weight_person = 1;  // factor on the log-odds of FrameInput::person_probability; ours
-  int num_components = 8;    // Gaussians per colour model, 1 to 16; ours, GrabCut: 5
-  double colour_reach =
-      0.3;  // a colour counts for its surroundings, in actor sizes, 0: everywhere; ours
+  double gamma = 50;          // contrast; GrabCut
+  double gamma_motion = 20;   // motion cue, 0 turns it off; ours, at most gamma / 2
+  double weight_still = 2;    // pixels as still as the background are background, 0: off; ours
+  double weight_shape = 8;    // trust in M: log-odds at the border of the band, 0: none; ours
+  double weight_person = 1;   // on the log-odds of FrameInput::person_probability; ours
+  int num_components = 8;     // Gaussians per colour model, 1 to 16; ours, GrabCut: 5
+  double colour_reach = 0.3;  // colours count most near their place, actor sizes, 0: alike; ours
 
   // Solution.
-  int num_rounds = 1;  // of colour models and cut, >= 1; GrabCut: 5
-  bool coarse_to_fine =
-      true;  // solve small, then only around the outline; false: whole crop at once
+  int num_rounds = 1;            // of colour models and cut, >= 1; GrabCut: 5
+  bool coarse_to_fine = true;    // cut small, refine the outline; false: the whole crop at once
   bool eight_connected = false;  // neighbours; GrabCut: true
-  bool band_colours =
-      true;           // learn colours in eroded M and outside the band; false: all of M, all else
-  bool clean = true;  // remove islands and small holes
-  // Estimate the background's motion between the pictures, for the motion cue. false: static camera.
-  bool estimate_background_motion = true;
+  bool band_colours = true;      // learn from eroded M and outside the band; false: from all of M
+  bool clean = true;             // remove islands and small holes
+  bool estimate_background_motion = true;  // for the motion cue; false: static camera
 
   // GrabCut's full energy over the whole crop, 5 rounds, the literal trimap, and the motion cue.
   static SegmentationOptions Paper();

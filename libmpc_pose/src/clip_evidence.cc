@@ -108,10 +108,10 @@ constexpr std::array<Posture, 17> kPostures = {{
     {"shoulder_flexion", 5, 45},
     {"shoulder_twist", 0, 40},
     {"elbow_flexion", 15, 45},
-    {"hip_flexion", 5, 60},
+    {"hip_flexion", 5, 90},
     {"hip_abduction", 3, 15},
     {"hip_twist", 3, 15},
-    {"knee_flexion", 8, 50},
+    {"knee_flexion", 8, 70},
     {"ankle_flexion", 0, 15},
     {"ankle_eversion", 0, 12},
 }};
@@ -189,7 +189,9 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
     rest_weights_[h] = options.weight_rest * kNoiseCost / (spread * spread);
   }
   // Errors are measured on what was detected, not on what repair made of it.
-  if (detections3d != nullptr && options.error_3d_mm == 0) rest_weights_ *= MeasureError3d();
+  if (detections3d != nullptr && options.error_3d_mm == 0) MeasureError3d();
+  // A prior does not average out over frames as white errors do.
+  rest_weights_ *= 1 - kWhiteRestDiscount * white_share_;
   if (!options.repair_detections) return;
   detections2d_ = std::make_shared<Detections2d>(RepairDetections(detections2d, fps));
   if (detections3d == nullptr) return;
@@ -393,9 +395,8 @@ void ClipEvidence::MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camer
 // that last for seconds (a network's) do not average out over frames, and along the ray nothing
 // measures them: options.depth_error_ratio. Errors that change from frame to frame show in second
 // differences, beyond those of the 2D detections, along the ray too; so far as the error is of that
-// kind its measured ratio counts, and the rest prior, which does not average out either, weighs less:
-// the share of its weight that is left is returned.
-double ClipEvidence::MeasureError3d() {
+// kind its measured ratio counts.
+void ClipEvidence::MeasureError3d() {
   std::vector<double> errors;
   std::vector<double> across2;  // squared second differences of joints, mm^2
   std::vector<double> along2;
@@ -426,10 +427,10 @@ double ClipEvidence::MeasureError3d() {
   }
   error_3d_mm_ = kMaxError3dMm;
   depth_error_ratio_ = options_.depth_error_ratio;
-  if (errors.empty()) return 1;
+  if (errors.empty()) return;
   const double error_mm = Median(&errors);
   error_3d_mm_ = std::clamp(kErrorSpread * error_mm, kMinError3dMm, kMaxError3dMm);
-  if (across2.empty()) return 1;
+  if (across2.empty()) return;
   // Medians of |x|^2 for unit normals: 1.386 in two dimensions, 0.455 in one; a second difference of
   // white noise has six times its variance.
   const double motion2 = Median(&pixels2) / 1.386 / 6;
@@ -439,7 +440,7 @@ double ClipEvidence::MeasureError3d() {
   const double white_ratio = std::sqrt(white_along2 / std::max(1e-6, white_across2));
   depth_error_ratio_ = (1 - share) * options_.depth_error_ratio +
                        share * std::clamp(white_ratio, 0.5, options_.depth_error_ratio);
-  return 1 - kWhiteRestDiscount * share;
+  white_share_ = share;
 }
 
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,

@@ -12,7 +12,7 @@ constexpr double kHalfWindowSeconds = 0.2;
 constexpr double kMinFps = 15;
 constexpr int kMaxHalfSamples = 6;  // samples per side; faster videos are thinned to it
 constexpr int kMinSamples = 6;      // the quadratic has three unknowns
-constexpr int kMinSide = 2;         // a gap is filled with this many samples on either side
+constexpr int kMinSide = 2;         // samples needed on either side
 constexpr int kRounds = 4;
 constexpr double kOutlierFactor = 3;  // times the median residual of the window
 constexpr double kRepairedConfidence = 0.5;
@@ -77,15 +77,15 @@ void RepairTrack(int half_window, double slack, Eigen::Matrix<double, kDim, Eige
     double confidence = 0;
     double residual = 0;
     for (int g = f - half_window / stride * stride; g <= f + half_window; g += stride) {
-      if (g < 0 || g >= num_frames || seen[g] <= 0) continue;
+      if (g == f || g < 0 || g >= num_frames || seen[g] <= 0) continue;
       samples.push_back({static_cast<double>(g - f) / half_window, raw.col(g), seen[g], 0});
       confidence += seen[g];
       before += g < f ? 1 : 0;
       after += g > f ? 1 : 0;
     }
     const bool missing = seen[f] <= 0;
-    if (static_cast<int>(samples.size()) < kMinSamples) continue;
-    if (missing && (before < kMinSide || after < kMinSide)) continue;
+    // Never extrapolated.
+    if (before + after < kMinSamples || before < kMinSide || after < kMinSide) continue;
     double scatter = 0;
     const Eigen::Matrix<double, kDim, 1> fit = FitLocally(slack, &samples, &scatter);
     if (!missing) residual = (raw.col(f) - fit).norm();

@@ -14,10 +14,10 @@ namespace mpc {
 namespace {
 
 constexpr int kNumCandidates = 5;  // as is, three mirrored combinations, as detected
-// A detector's errors last: evidence of this many seconds counts as one independent observation.
+// Lasting errors: evidence of this many seconds counts as one independent observation.
 constexpr double kEvidenceSeconds = 0.25;
-constexpr double kSpeed = 2.0;    // m/s of a joint relative to the torso that costs 1
-constexpr double kJitter = 0.05;  // m; detections move by as much without meaning it
+constexpr double kSpeed = 2.0;    // m/s of a joint relative to the torso that is free
+constexpr double kJitter = 0.1;   // m beyond it that cost 1
 constexpr double kMaxJump = 0.5;  // m; longer jumps cost no more
 
 // A limb as a skeleton of its own: the root is the torso segment it hangs on.
@@ -165,18 +165,20 @@ class LimbFitter {
 };
 
 double TransitionCost(const Candidate& a, const Candidate& b, double seconds) {
-  const double reach = std::hypot(kSpeed * seconds, kJitter);
   double cost = 0;
   for (int j = 0; j < a.joints.cols(); ++j) {
     const double jump = std::min(kMaxJump, (a.joints.col(j) - b.joints.col(j)).norm());
-    cost += jump * jump / (reach * reach);
+    const double excess = std::max(0.0, jump - kSpeed * seconds) / kJitter;
+    cost += excess * excess;
   }
   return cost;
 }
 
 // Index of the chosen candidate of each of the frames, which lie `seconds` apart.
-std::vector<int> BestPath(const std::vector<const Candidates*>& frames, double seconds) {
-  const double evidence_weight = std::min(1.0, seconds / kEvidenceSeconds) / kNoiseCost;
+std::vector<int> BestPath(const std::vector<const Candidates*>& frames, double seconds,
+                          double lasting_share) {
+  const double evidence_weight =
+      seconds / std::max(seconds, lasting_share * kEvidenceSeconds) / kNoiseCost;
   std::vector<std::array<double, kNumCandidates>> cost(frames.size());
   std::vector<std::array<int, kNumCandidates>> from(frames.size());
   for (size_t i = 0; i < frames.size(); ++i) {
@@ -221,7 +223,8 @@ void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initia
     for (size_t l = 0; begin < end && l < limbs.size(); ++l) {
       std::vector<const Candidates*> frames;
       for (int f = begin; f < end; ++f) frames.push_back(&candidates[f][l]);
-      const std::vector<int> path = BestPath(frames, 1 / evidence.fps());
+      const std::vector<int> path =
+          BestPath(frames, 1 / evidence.fps(), 1 - evidence.white_share());
       for (int f = begin; f < end; ++f) {
         if (path[f - begin] == 0) continue;  // as it is
         const Candidate& chosen = candidates[f][l][path[f - begin]];

@@ -17,7 +17,9 @@ namespace {
 
 // A joint whose detection is farther away than this was not believed by the robust loss.
 constexpr double kRejectedMm = 150;
-// Exchanged sides must explain a frame this much better to be reported.
+// Exchanged sides are reported when the mean distance is above the usual and they explain the frame
+// this much better.
+constexpr double kTypicalMm = 50;
 constexpr double kSwapFactor = 1.5;
 // Share of w_d inside the subspace never quite reaches 1: coefficients stay variables of their own.
 constexpr double kMaxBandPenalty = 0.999;
@@ -150,7 +152,8 @@ FrameReport ReportFrame(const ClipEvidence& evidence, const FrameInitialization&
   report.used_3d = initialization.observations[f].use_3d;
   report.swapped_sides = initialization.swaps[f] != SideSwap::kNone;
   const Comparison exchanged = compare(true);
-  if (exchanged.residual_px * kSwapFactor < seen.residual_px) {
+  if (seen.residual_px > kTypicalMm * px_per_mm &&
+      exchanged.residual_px * kSwapFactor < seen.residual_px) {
     seen = exchanged;
     report.swapped_sides = true;
   }

@@ -1,6 +1,7 @@
 // Accuracy on performances with known truth, over motions and dice. Default settings throughout.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstdio>
 #include <string>
 
@@ -39,9 +40,8 @@ Outcome RunClips(MotionKind motion, const DetectionNoise& noise) {
   return outcome;
 }
 
-// The goals are 20 mm with white noise and 50 mm with errors of the measured kind. Where a motion
-// does not reach its goal yet (docs/results.md), the bound is what it reaches now plus a tenth, so
-// that a change for the worse is seen.
+// The goals: 20 mm with white noise and 50 mm with errors of the measured kind. The squat reaches 19.9;
+// its bound leaves room for another machine's last bits.
 struct Bounds {
   MotionKind motion;
   double white_mm;
@@ -56,8 +56,7 @@ class AccuracyTest : public ::testing::TestWithParam<Bounds> {
                 std::string(MotionName(GetParam().motion)).c_str(), outcome.per_frame_mm,
                 outcome.batch_mm, bound_mm);
     EXPECT_LE(outcome.batch_mm, bound_mm);
-    // The roll with measured errors is 2 % worse than its tracked initialisation.
-    EXPECT_LE(outcome.batch_mm, 1.03 * outcome.per_frame_mm);
+    EXPECT_LE(outcome.batch_mm, outcome.per_frame_mm);
   }
 };
 
@@ -68,33 +67,39 @@ TEST_P(AccuracyTest, WhiteNoise) {
 TEST_P(AccuracyTest, MeasuredErrors) { Check(DetectionNoise::Measured(), GetParam().measured_mm); }
 
 // The third frame after a second in which nothing was seen, beside the same frame of the same dice
-// without the gap.
-TEST(OcclusionTest, ErrorsAreBackByTheThirdVisibleFrame) {
-  double unoccluded = 0, occluded = 0;
+// without the gap. Estimates draw on the frames around them, of which half are missing there, so white
+// noise averages out less: by up to the square root of two. Without noise nothing of the gap is left.
+double ThirdVisibleFrame(const DetectionNoise& visible, bool gap) {
+  double error = 0;
   constexpr int kSeeds = 10;
   for (const MotionKind motion : {MotionKind::kWalk, MotionKind::kReach}) {
     for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
-      DetectionNoise noise = DetectionNoise::White(5, 30, 0, 0);
-      const SyntheticClip whole = MakeClip(motion, 75, kFps, noise, seed);
-      noise.gaps = {{25, 55}};
-      const SyntheticClip part = MakeClip(motion, 75, kFps, noise, seed);
-      const auto error = [](const SyntheticClip& clip) {
-        const PoseTrack track = testing::Estimate(clip, testing::PlainOptions());
-        return FrameErrors(clip, clip.skeleton, track.poses)[57] / (2 * kSeeds);
-      };
-      unoccluded += error(whole);
-      occluded += error(part);
+      DetectionNoise noise = visible;
+      if (gap) noise.gaps = {{25, 55}};
+      const SyntheticClip clip = MakeClip(motion, 75, kFps, noise, seed);
+      const PoseTrack track = testing::Estimate(clip, testing::PlainOptions());
+      error += FrameErrors(clip, clip.skeleton, track.poses)[57] / (2 * kSeeds);
     }
   }
-  std::printf("third visible frame: %.1f mm, without the gap %.1f mm\n", occluded, unoccluded);
-  EXPECT_LE(occluded, 1.1 * unoccluded);
+  return error;
+}
+
+TEST(OcclusionTest, ErrorsAreBackByTheThirdVisibleFrame) {
+  const double exact_whole = ThirdVisibleFrame({}, false);
+  const double exact = ThirdVisibleFrame({}, true);
+  const double noisy_whole = ThirdVisibleFrame(DetectionNoise::White(5, 30, 0, 0), false);
+  const double noisy = ThirdVisibleFrame(DetectionNoise::White(5, 30, 0, 0), true);
+  std::printf("third visible frame: %.1f mm, without the gap %.1f mm; exact %.1f and %.1f mm\n",
+              noisy, noisy_whole, exact, exact_whole);
+  EXPECT_LE(exact, 1.1 * exact_whole);
+  EXPECT_LE(noisy, std::sqrt(2.0) * noisy_whole);
 }
 
 INSTANTIATE_TEST_SUITE_P(
     Motions, AccuracyTest,
-    ::testing::Values(Bounds{MotionKind::kWalk, 29, 50}, Bounds{MotionKind::kSquat, 91, 50},
-                      Bounds{MotionKind::kTurn, 30, 50}, Bounds{MotionKind::kReach, 38, 50},
-                      Bounds{MotionKind::kRoll, 31, 50}),
+    ::testing::Values(Bounds{MotionKind::kWalk, 20, 50}, Bounds{MotionKind::kSquat, 21, 50},
+                      Bounds{MotionKind::kTurn, 20, 50}, Bounds{MotionKind::kReach, 20, 50},
+                      Bounds{MotionKind::kRoll, 20, 50}),
     [](const auto& test) { return std::string(MotionName(test.param.motion)); });
 
 }  // namespace

@@ -62,5 +62,33 @@ TEST(BasisSizeTest, FollowsFrameRateAndCutoff) {
   EXPECT_EQ(BasisSize(50, 1e-3, 1000), 50);
 }
 
+// With noise of variance v on the data and coefficients of variance c, the cost (x - data)^2 +
+// share weight x^2 must shrink the data by c / (c + v): the Wiener filter.
+TEST(AdaptedSharesTest, AreTheWienerFilter) {
+  const double variance = 4;
+  const double weight = 3;
+  const double noise = 0.5;
+  const Eigen::MatrixXd coefficients = Eigen::MatrixXd::Constant(1, 9, std::sqrt(variance));
+  const Eigen::MatrixXd shares =
+      AdaptedShares(coefficients, Eigen::VectorXd::Constant(1, weight), noise, 0.999);
+  EXPECT_EQ(shares(0, 0), 0);
+  for (int k = 1; k < 9; ++k) {
+    EXPECT_NEAR(1 / (1 + shares(0, k) * weight), variance / (variance + noise), 1e-12);
+  }
+}
+
+TEST(AdaptedSharesTest, EachDofFollowsItsOwnSpectrum) {
+  Eigen::MatrixXd coefficients = Eigen::MatrixXd::Zero(3, 10);
+  coefficients.row(0).setConstant(1);          // moves at all frequencies
+  coefficients.row(1).head(4).setConstant(1);  // slowly
+  const Eigen::MatrixXd shares =
+      AdaptedShares(coefficients, Eigen::VectorXd::Constant(3, 100), 0.1, 0.999);
+  EXPECT_LT(shares.row(0).maxCoeff(), 0.01);
+  EXPECT_LT(shares(1, 2), 0.01);
+  EXPECT_EQ(shares(1, 9), 0.999);  // nothing there
+  EXPECT_EQ(shares.row(2).tail(9).minCoeff(), 0.999);
+  EXPECT_TRUE(shares.allFinite());
+}
+
 }  // namespace
 }  // namespace mpc

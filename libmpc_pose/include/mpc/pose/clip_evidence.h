@@ -61,6 +61,8 @@ class ClipEvidence {
   const std::vector<EvidenceBone>& bones() const { return bones_; }
   int num_frames() const { return static_cast<int>(detections2d_->frames.size()); }
   double fps() const { return fps_; }
+  // Share of the 3D error's variance that changes from frame to frame; the rest lasts for seconds.
+  double white_share() const { return white_share_; }
 
   // hips: where they are in the camera, if known: the ray that ray-aligned 3D detections follow.
   // Without, the ray through the middle of the 2D points stands for it.
@@ -78,7 +80,7 @@ class ClipEvidence {
                   double* confidence) const;
   void MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camera_from_detection,
                   FrameObservation* observation) const;
-  double MeasureError3d();
+  void MeasureError3d();
 
   void SetSkeleton(const Skeleton& skeleton);
 
@@ -91,7 +93,8 @@ class ClipEvidence {
   std::vector<EvidenceBone> bones_;
   double error_3d_mm_ = 0;        // typical error of the 3D detections across the ray
   double depth_error_ratio_ = 1;  // and along the ray over that
-  Eigen::VectorXd rest_weights_;  // per hinge, per rad^2
+  double white_share_ = 0;
+  Eigen::VectorXd rest_weights_;                 // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
   std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there
 };

@@ -1,7 +1,7 @@
 // Purpose: detections that contradict their own neighbours in time, or are missing for a moment.
-// Source: ours (docs/pose.md, "Repair"). A joint's track is fitted around each frame by a robust local
-// quadratic; a detection far from it, measured by how its neighbours scatter, is replaced by the fit,
-// and so is one that is missing between others. Everything else stays as it is.
+// Source: ours (docs/pose.md, "Repair"). A robust quadratic is fitted to a joint's neighbours in time; a
+// detection far from it, measured by how the neighbours scatter, is replaced by the fit, and so is one
+// that is missing between others. Everything else stays as it is.
 #pragma once
 
 #include "mpc/core/detections.h"

@@ -33,8 +33,8 @@ struct Detections3d {
   };
   std::vector<JointId> joints;
   std::vector<Frame> frames;
-  // True when the axes follow the viewing ray through the person (networks that look at a crop),
-  // false when they are the camera's own.
+  // True when the axes follow the viewing ray through the hips (networks that look at a crop around
+  // them), false when they are the camera's own.
   bool ray_aligned = false;
 
   void Validate() const;

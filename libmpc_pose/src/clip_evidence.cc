@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "mpc/pose/detection_repair.h"
+#include "translation_fit.h"
 
 namespace mpc {
 namespace {
@@ -360,19 +361,11 @@ void ClipEvidence::MeasurePck(int f, SideSwap swap, const Eigen::Matrix3d& camer
   std::vector<double> errors(matches.size());
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
   for (int round = 0; round < (robust ? 4 : 1); ++round) {
-    Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    TranslationFit fit;
     for (size_t i = 0; i < matches.size(); ++i) {
-      const auto& [x, m, pixel, id, weight] = matches[i];
-      for (int axis = 0; axis < 2; ++axis) {
-        // (x_axis + t_axis) - m_axis (x_z + t_z) = 0
-        Eigen::Vector3d row = Eigen::Vector3d::Unit(axis);
-        row.z() = -m[axis];
-        a += trust[i] * weight * row * row.transpose();
-        b += trust[i] * weight * row * (m[axis] * x.z() - x[axis]);
-      }
+      fit.Add(matches[i].x, matches[i].m, trust[i] * matches[i].weight);
     }
-    translation = a.ldlt().solve(b);
+    translation = fit.Solve();
     if (!translation.allFinite()) return;
     for (size_t i = 0; i < matches.size(); ++i) {
       Eigen::Vector2d pixel;

@@ -11,6 +11,7 @@
 #include "mpc/core/error.h"
 #include "mpc/core/rigid.h"
 #include "mpc/pose/windows.h"
+#include "translation_fit.h"
 
 namespace mpc {
 namespace {
@@ -67,19 +68,11 @@ Eigen::Vector3d FitRootTranslation(const ClipEvidence& evidence,
   pose.head<3>().setZero();
   KinematicState state;
   ForwardKinematics(evidence.skeleton(), pose, &state);
-  Eigen::Matrix3d a = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d b = Eigen::Vector3d::Zero();
+  TranslationFit fit;
   for (const Observation2d& point : observation.points) {
-    const Eigen::Vector2d m = Undistort(evidence.camera(), point.pixel);
-    const Eigen::Vector3d x = state.joints.col(point.joint);
-    for (int axis = 0; axis < 2; ++axis) {
-      Eigen::Vector3d row = Eigen::Vector3d::Unit(axis);
-      row.z() = -m[axis];
-      a += point.weight * row * row.transpose();
-      b += point.weight * row * (m[axis] * x.z() - x[axis]);
-    }
+    fit.Add(state.joints.col(point.joint), Undistort(evidence.camera(), point.pixel), point.weight);
   }
-  const Eigen::Vector3d translation = a.ldlt().solve(b);
+  const Eigen::Vector3d translation = fit.Solve();
   if (translation.allFinite() && translation.z() > 0.3) return translation;
   const Eigen::Vector3d ray = observation.camera_from_ray.col(2);
   return ray * (3.0 / std::max(0.1, ray.z()));

@@ -187,15 +187,6 @@ class FrameSearch {
   FrameSolveScratch scratch_;
 };
 
-// Exchanges worth a try. When 2D and 3D contradict each other but agree after exchanging one of
-// them, one is wrong; else both are or none is.
-std::vector<SideSwap> PossibleSwaps(const ClipEvidence& evidence, const FrameObservation& seen,
-                                    int f, const Eigen::Vector3d& hips) {
-  const FrameObservation exchanged = evidence.Observe(f, SideSwap::k2d, &hips);
-  if (exchanged.use_3d && exchanged.pck < 0.5 * seen.pck) return {SideSwap::k2d, SideSwap::k3d};
-  return {SideSwap::kBoth};
-}
-
 // Frames that were not solved: between their neighbours, or as the nearest one at the ends.
 void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
   const int num_frames = static_cast<int>(poses->cols());
@@ -211,120 +202,167 @@ void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
   for (int g = last + 1; g < num_frames; ++g) poses->col(g) = poses->col(last);
 }
 
+// Solves the frames of a clip one after the other.
+class FrameTracker {
+ public:
+  explicit FrameTracker(const ClipEvidence& evidence)
+      : evidence_(evidence),
+        search_(evidence),
+        max_gap_(std::max(2, Frames(kMaxTrackedGapSeconds))),
+        check_every_(std::max(1, Frames(kCheckSeconds))),
+        costs_(evidence.num_frames(), std::numeric_limits<double>::infinity()) {
+    const int num_frames = evidence.num_frames();
+    result.poses.setZero(evidence.skeleton().num_dofs(), num_frames);
+    result.swaps.assign(num_frames, SideSwap::kNone);
+    result.observed.assign(num_frames, false);
+    for (int f = 0; f < num_frames; ++f) {
+      result.observations.push_back(evidence.Observe(f));
+      if (static_cast<int>(result.observations[f].points.size()) >= kMinPoints) {
+        usable_.push_back(f);
+      }
+    }
+  }
+
+  // Solves the frame to start from: the best explained per observation of a few spread over the
+  // clip. Returns its position among the usable frames, -1 when there are none.
+  int SolveSeed() {
+    int seed = -1;
+    double seed_cost = std::numeric_limits<double>::infinity();
+    const int num_seeds = std::min<int>(kNumSeeds, static_cast<int>(usable_.size()));
+    for (int i = 0; i < num_seeds; ++i) {
+      const int position = static_cast<int>(static_cast<size_t>(i) * usable_.size() /
+                                            static_cast<size_t>(num_seeds));
+      const FrameObservation& observation = result.observations[usable_[position]];
+      search_.Reset();
+      search_.FromFacings(observation, 1);
+      const double count = static_cast<double>(observation.points.size() +
+                                               (observation.use_3d ? observation.bone.size() : 0));
+      if (search_.cost / (count * count) >= seed_cost) continue;
+      seed_cost = search_.cost / (count * count);
+      seed = position;
+    }
+    if (seed < 0) return -1;
+    search_.Reset();
+    search_.FromFacings(result.observations[usable_[seed]], 1);
+    Accept(usable_[seed]);
+    return seed;
+  }
+
+  // Solves the usable frames beyond the seed, forwards (1) or backwards (-1).
+  void Follow(int seed, int direction) {
+    int previous = usable_[seed];
+    int unchecked = 0;
+    for (int i = seed + direction; IsUsable(i); i += direction) {
+      const int f = usable_[i];
+      const bool near = std::abs(f - previous) <= max_gap_;
+      FrameObservation seen = result.observations[f];
+      search_.Reset();
+      if (near) {
+        seen = StartNear(f, previous);
+        if (!Fits()) TrySwaps(f, previous, seen);
+      }
+      const double tracked_cost = search_.cost;
+      if (!Fits() || ++unchecked >= check_every_) {
+        unchecked = 0;
+        search_.FromFacings(seen, near ? kJumpPenalty : 1);
+      }
+      if (!std::isfinite(search_.cost)) continue;
+      const bool started_anew = search_.cost < tracked_cost;
+      Accept(f);
+      previous = f;
+      if (near && started_anew) FollowBack(i, direction);
+    }
+  }
+
+  FrameInitialization result;
+
+ private:
+  int Frames(double seconds) const {
+    return static_cast<int>(std::lround(seconds * evidence_.fps()));
+  }
+
+  bool IsUsable(int i) const { return i >= 0 && i < static_cast<int>(usable_.size()); }
+
+  bool Fits() const {
+    return num_solved_ >= 5 && search_.cost <= kGoodFactor * cost_sum_ / num_solved_;
+  }
+
+  void Accept(int f) {
+    costs_[f] = search_.cost;
+    cost_sum_ += search_.cost;
+    ++num_solved_;
+    result.poses.col(f) = search_.pose;
+    result.swaps[f] = search_.swap;
+    result.observed[f] = true;
+    const Eigen::Vector3d hips = search_.pose.head<3>();
+    result.observations[f] = evidence_.Observe(f, search_.swap, &hips);
+  }
+
+  // Tracks a frame from its neighbour. Returns what it shows from there.
+  FrameObservation StartNear(int f, int neighbour) {
+    const Eigen::VectorXd start = result.poses.col(neighbour);
+    const Eigen::Vector3d hips = start.head<3>();
+    const FrameObservation seen = evidence_.Observe(f, SideSwap::kNone, &hips);
+    search_.Reset(TrackPrior(start, std::abs(f - neighbour) / evidence_.fps()));
+    search_.FromNeighbour(seen, SideSwap::kNone, start);
+    return seen;
+  }
+
+  // When 2D and 3D contradict each other but agree after exchanging one of them, one is wrong; else
+  // both are or none is.
+  void TrySwaps(int f, int neighbour, const FrameObservation& seen) {
+    const Eigen::VectorXd start = result.poses.col(neighbour);
+    const Eigen::Vector3d hips = start.head<3>();
+    const auto attempt = [&](SideSwap swap) {
+      search_.FromNeighbour(evidence_.Observe(f, swap, &hips), swap, start);
+    };
+    const FrameObservation exchanged = evidence_.Observe(f, SideSwap::k2d, &hips);
+    if (exchanged.use_3d && exchanged.pck < 0.5 * seen.pck) {
+      attempt(SideSwap::k2d);
+      attempt(SideSwap::k3d);
+    } else {
+      attempt(SideSwap::kBoth);
+    }
+  }
+
+  // A frame that starts anew with success shows that the frames before it were wrong: they are
+  // tracked again from it, as far as that explains them better.
+  void FollowBack(int i, int direction) {
+    for (int k = i - direction; IsUsable(k); k -= direction) {
+      const int f = usable_[k];
+      const int from = usable_[k + direction];
+      if (std::abs(f - from) > max_gap_ || !result.observed[from]) return;
+      StartNear(f, from);
+      if (search_.cost >= costs_[f]) return;
+      Accept(f);
+    }
+  }
+
+  const ClipEvidence& evidence_;
+  FrameSearch search_;
+  int max_gap_;
+  int check_every_;
+  std::vector<int> usable_;    // frames with enough points
+  std::vector<double> costs_;  // per frame
+  double cost_sum_ = 0;
+  int num_solved_ = 0;
+};
+
 }  // namespace
 
 double PersonDepth(const Eigen::VectorXd& pose) { return std::max(0.1, pose[2]); }
 
 FrameInitialization InitializeFrames(const ClipEvidence& evidence) {
-  const double fps = evidence.fps();
-  const int num_frames = evidence.num_frames();
-  FrameInitialization result;
-  result.poses.setZero(evidence.skeleton().num_dofs(), num_frames);
-  result.swaps.assign(num_frames, SideSwap::kNone);
-  result.observed.assign(num_frames, false);
-  std::vector<int> usable;
-  for (int f = 0; f < num_frames; ++f) {
-    result.observations.push_back(evidence.Observe(f));
-    if (static_cast<int>(result.observations[f].points.size()) >= kMinPoints) usable.push_back(f);
-  }
-
-  FrameSearch search(evidence);
-  double cost_sum = 0;
-  int num_solved = 0;
-  std::vector<double> costs(num_frames, std::numeric_limits<double>::infinity());
-  const auto accept = [&](int f) {
-    costs[f] = search.cost;
-    result.poses.col(f) = search.pose;
-    result.swaps[f] = search.swap;
-    const Eigen::Vector3d hips = search.pose.head<3>();
-    result.observations[f] = evidence.Observe(f, search.swap, &hips);
-    result.observed[f] = true;
-    cost_sum += search.cost;
-    ++num_solved;
-  };
-  const auto fits = [&] {
-    return num_solved >= 5 && search.cost <= kGoodFactor * cost_sum / num_solved;
-  };
-
-  // The frame to start from: the best explained per observation of a few spread over the clip.
-  int seed = -1;
-  double seed_cost = std::numeric_limits<double>::infinity();
-  const int num_seeds = std::min<int>(kNumSeeds, static_cast<int>(usable.size()));
-  for (int i = 0; i < num_seeds; ++i) {
-    const int f = usable[static_cast<size_t>(i) * usable.size() / num_seeds];
-    const FrameObservation& observation = result.observations[f];
-    search.Reset();
-    search.FromFacings(observation, 1);
-    const double count = static_cast<double>(observation.points.size() +
-                                             (observation.use_3d ? observation.bone.size() : 0));
-    if (search.cost / (count * count) >= seed_cost) continue;
-    seed_cost = search.cost / (count * count);
-    seed = f;
-  }
+  FrameTracker tracker(evidence);
+  const int seed = tracker.SolveSeed();
   if (seed < 0) {
     throw Error(ErrorCode::kMismatch,
                 "no frame has enough 2D detections of a person (4 joints with confidence above 0)");
   }
-  search.Reset();
-  search.FromFacings(result.observations[seed], 1);
-  accept(seed);
-
-  const int max_gap = std::max(2, static_cast<int>(std::lround(kMaxTrackedGapSeconds * fps)));
-  const int check_every = std::max(1, static_cast<int>(std::lround(kCheckSeconds * fps)));
-  // Follows the usable frames from position i on in one direction. A frame that starts anew with
-  // success shows that the frames before it were wrong: they are tracked again from it, as far
-  // as that explains them better.
-  const auto follow = [&](int i, int direction) {
-    const auto neighbour_start = [&](int f, int previous) {
-      search.Reset(TrackPrior(result.poses.col(previous), std::abs(f - previous) / fps));
-      return Eigen::VectorXd(result.poses.col(previous));
-    };
-    int previous = usable[i];
-    int unchecked = 0;
-    for (i += direction; i >= 0 && i < static_cast<int>(usable.size()); i += direction) {
-      const int f = usable[i];
-      const bool near = std::abs(f - previous) <= max_gap;
-      const Eigen::VectorXd start = neighbour_start(f, previous);
-      const Eigen::Vector3d hips = start.head<3>();
-      const FrameObservation seen =
-          near ? evidence.Observe(f, SideSwap::kNone, &hips) : result.observations[f];
-      if (near) {
-        search.FromNeighbour(seen, SideSwap::kNone, start);
-        if (!fits()) {
-          for (const SideSwap swap : PossibleSwaps(evidence, seen, f, hips)) {
-            search.FromNeighbour(evidence.Observe(f, swap, &hips), swap, start);
-          }
-        }
-      }
-      const double tracked_cost = search.cost;
-      if (!fits() || ++unchecked >= check_every) {
-        unchecked = 0;
-        search.FromFacings(seen, near ? kJumpPenalty : 1);
-      }
-      if (!std::isfinite(search.cost)) continue;
-      const bool jumped = near && search.cost < tracked_cost;
-      accept(f);
-      previous = f;
-      if (!jumped) continue;
-      for (int k = i - direction; k >= 0 && k < static_cast<int>(usable.size()); k -= direction) {
-        const int g = usable[k];
-        const int from = usable[k + direction];
-        if (std::abs(g - from) > max_gap || !result.observed[from]) break;
-        const Eigen::VectorXd again = neighbour_start(g, from);
-        const Eigen::Vector3d again_hips = again.head<3>();
-        search.FromNeighbour(evidence.Observe(g, SideSwap::kNone, &again_hips), SideSwap::kNone,
-                             again);
-        if (search.cost >= costs[g]) break;
-        accept(g);
-      }
-    }
-  };
-  const int seed_position =
-      static_cast<int>(std::find(usable.begin(), usable.end(), seed) - usable.begin());
-  follow(seed_position, 1);
-  follow(seed_position, -1);
-  FillGaps(result.observed, &result.poses);
-  return result;
+  tracker.Follow(seed, 1);
+  tracker.Follow(seed, -1);
+  FillGaps(tracker.result.observed, &tracker.result.poses);
+  return std::move(tracker.result);
 }
 
 }  // namespace mpc

@@ -214,13 +214,13 @@ class ArrowSystem {
   bool Factorize(const Eigen::MatrixXd& rhs) {
     const Eigen::MatrixXd blocks = stiffness_ * products_;
     Eigen::MatrixXd schur(rhs.size(), rhs.size());
+    const Eigen::Index size = num_dofs_;
     int column = 0;
     for (int l = 0; l < num_basis_; ++l) {
       for (int k = l; k < num_basis_; ++k) {
-        schur.block(k * num_dofs_, l * num_dofs_, num_dofs_, num_dofs_) =
-            blocks.col(column++).reshaped(num_dofs_, num_dofs_);
+        schur.block(k * size, l * size, size, size) = blocks.col(column++).reshaped(size, size);
       }
-      schur.diagonal().segment(l * num_dofs_, num_dofs_) += band_.col(l).cwiseProduct(weights_);
+      schur.diagonal().segment(l * size, size) += band_.col(l).cwiseProduct(weights_);
     }
     const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(schur);
     if (llt.info() != Eigen::Success) return false;

@@ -35,6 +35,7 @@ std::vector<int> SpreadFrames(const FrameInitialization& initialization) {
   }
   const int count = std::min<int>(kMaxFrames, static_cast<int>(usable.size()));
   std::vector<int> frames;
+  frames.reserve(count);
   for (int i = 0; i < count; ++i) {
     frames.push_back(usable[static_cast<size_t>(i) * usable.size() / count]);
   }
@@ -83,6 +84,7 @@ class Calibrator {
   void Reduce(const PartVector& log_scale, PartMatrix* hessian, PartVector* gradient) {
     const ClipEvidence base = Scaled(log_scale);
     std::vector<ClipEvidence> stepped;
+    stepped.reserve(kNumBodyParts);
     for (int p = 0; p < kNumBodyParts; ++p) {
       stepped.push_back(Scaled(log_scale + kStep * PartVector::Unit(p)));
     }

@@ -72,7 +72,7 @@ Eigen::Vector3d FitRootTranslation(const ClipEvidence& evidence,
   for (const Observation2d& point : observation.points) {
     fit.Add(state.joints.col(point.joint), Undistort(evidence.camera(), point.pixel), point.weight);
   }
-  const Eigen::Vector3d translation = fit.Solve();
+  Eigen::Vector3d translation = fit.Solve();
   if (translation.allFinite() && translation.z() > 0.3) return translation;
   const Eigen::Vector3d ray = observation.camera_from_ray.col(2);
   return ray * (3.0 / std::max(0.1, ray.z()));
@@ -302,7 +302,7 @@ class FrameTracker {
   FrameObservation StartNear(int f, int neighbour) {
     const Eigen::VectorXd start = result.poses.col(neighbour);
     const Eigen::Vector3d hips = start.head<3>();
-    const FrameObservation seen = evidence_.Observe(f, SideSwap::kNone, &hips);
+    FrameObservation seen = evidence_.Observe(f, SideSwap::kNone, &hips);
     search_.Reset(TrackPrior(start, std::abs(f - neighbour) / evidence_.fps()));
     search_.FromNeighbour(seen, SideSwap::kNone, start);
     return seen;

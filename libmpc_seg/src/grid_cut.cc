@@ -15,8 +15,8 @@ constexpr double kScale = 1024;       // integer steps per unit of energy
 constexpr double kMaxLogOdds = 1e5;   // keeps sums of a pixel's terms well below 2^30
 constexpr double kNoMoreThan = 1e-4;  // links weaker than this part of gamma count as none
 
-// Neighbours in pairs of opposite directions, so that direction d's opposite is d ^ 1. Even ones lead
-// to pixels that come earlier, row by row.
+// Neighbours in pairs of opposite directions, so that direction d's opposite is d ^ 1. Even ones
+// lead to pixels that come earlier, row by row.
 struct Direction {
   int dx;
   int dy;
@@ -195,7 +195,7 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
   }
   result.num_unknown = static_cast<int>(pixels.size());
 
-  // Decide pixels that no labels of their neighbours could turn; this may decide neighbours in turn.
+  // Decide pixels that no labels of their neighbours could turn, which may decide those in turn.
   std::vector<int> pending(pixels.size());
   for (size_t p = 0; p < pixels.size(); ++p) pending[p] = static_cast<int>(pixels.size() - 1 - p);
   while (!pending.empty()) {

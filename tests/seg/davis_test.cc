@@ -1,5 +1,5 @@
 // Real pictures with hand-made masks (DAVIS "breakdance"). The model's masks are simulated from the
-// true ones. Every sixth frame; MPC_SEG_STRIDE=1 takes all, as the table in docs/segmentation.md does.
+// true ones. Every sixth frame; MPC_SEG_STRIDE=2 takes every second, as docs/segmentation.md does.
 #include <gtest/gtest.h>
 
 #include <algorithm>

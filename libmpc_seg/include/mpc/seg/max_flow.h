@@ -9,7 +9,7 @@
 
 namespace mpc {
 
-// Sizes are up to the caller's memory: 40 bytes per node and 24 per edge. Not thread-safe.
+// Sizes are up to the caller's memory: 32 bytes per node and 40 per edge. Not thread-safe.
 class MaxFlow {
  public:
   explicit MaxFlow(int num_nodes);

@@ -89,8 +89,8 @@ struct Silhouette {
 };
 
 // Deterministic; safe to call from several threads. Any content of the pictures and masks gives a
-// defined result (see SilhouetteState). Throws Error (kInvalidArgument, kMismatch, kUnsupported) for
-// missing or unsupported matrices, sizes that differ, and options out of range.
+// defined result (see SilhouetteState). Throws Error (kInvalidArgument, kMismatch, kUnsupported)
+// for missing or unsupported matrices, sizes that differ, and options out of range.
 Silhouette ExtractSilhouette(const FrameInput& frame, const SegmentationOptions& options = {});
 
 // A mask made elsewhere in place of the stage: nonzero (above 127 where it is grey) is inside.

@@ -3,16 +3,18 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
-#include <cmath>
 #include <optional>
 #include <system_error>
 
+#include "actor.h"
+#include "mask_outputs.h"
 #include "mpc/core/error.h"
-#include "mpc/io/atomic_file.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
-#include "mpc/io/gltf.h"
+#include "mpc/io/mask_file.h"
+#include "mpc/io/poses_file.h"
 #include "mpc/io/video.h"
 #include "mpc/skeleton/proportions.h"
 #include "outputs.h"
@@ -29,26 +31,6 @@ constexpr const char* kBvhName = "motion.bvh";
 constexpr const char* kTrcName = "joints.trc";
 constexpr const char* kOverlayName = "overlay.mp4";
 constexpr const char* kReportName = "report.json";
-
-constexpr double kMinHeightM = 0.5;  // of a person; outside, a rig is in other units than metres
-constexpr double kMaxHeightM = 2.5;
-
-double ActorHeight(const Character& character) {
-  const auto y = character.mesh.positions.row(1);
-  return static_cast<double>(y.maxCoeff() - y.minCoeff());
-}
-
-// Scales the actor as a whole, in steps that ApplyProportions allows.
-double ScaleToHeight(double height_m, Character* character, RigAsset* rig) {
-  const double scale = height_m / ActorHeight(*character);
-  for (double rest = scale; std::abs(rest - 1) > 1e-12;) {
-    Proportions step;
-    step.overall = std::clamp(rest, 0.25, 4.0);
-    ApplyProportions(step, character, rig);
-    rest /= step.overall;
-  }
-  return scale;
-}
 
 Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
                       std::vector<std::string>* warnings) {
@@ -122,30 +104,6 @@ int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
   return num_frames;
 }
 
-// Makes the folder and proves that files can be made there, without harm to any input.
-void PrepareOutput(const fs::path& output, const CaptureInputs& inputs) {
-  std::error_code ec;
-  fs::create_directories(output, ec);
-  if (!fs::is_directory(output, ec)) {
-    throw Error(ErrorCode::kWriteFailed,
-                fmt::format("{} is not a folder and cannot be made one", output.string()));
-  }
-  for (const fs::path& input :
-       {inputs.video, inputs.actor, inputs.detections2d, inputs.detections3d}) {
-    for (const char* name : {kGltfName, kBvhName, kTrcName, kOverlayName, kReportName}) {
-      if (fs::equivalent(input, output / name, ec)) {
-        throw Error(ErrorCode::kInvalidArgument,
-                    fmt::format("{} is an input and would be overwritten: choose another output "
-                                "folder",
-                                input.string()));
-      }
-    }
-  }
-  const fs::path probe = output / ".mpc_write_test";
-  WriteFileAtomically(probe, "x");
-  fs::remove(probe, ec);
-}
-
 // Things a user should look at.
 void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings) {
   int num_interpolated = 0;
@@ -169,6 +127,7 @@ void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings
 
 void CaptureOptions::Validate() const {
   pose.Validate();
+  silhouettes.Validate();
   if (!(height_m >= 0 && height_m < 1000)) {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("height_m is {}, expected 0 or a height in metres", height_m));
@@ -176,8 +135,7 @@ void CaptureOptions::Validate() const {
 }
 
 struct Capture::Inputs {
-  RigAsset rig;
-  Character character;
+  internal::Actor actor;
   Detections2d detections2d;
   std::optional<Detections3d> detections3d;
   CaptureReport report;  // with all that is known before the work starts
@@ -186,22 +144,11 @@ struct Capture::Inputs {
 };
 
 Capture::Inputs::Inputs(const CaptureInputs& inputs, const CaptureOptions& options) {
-  rig = ReadRigGltf(inputs.actor);
-  report.mapping = MapRigByNames(rig);
-  for (const RigBone& bone : rig.bones) report.rig_bones.push_back(bone.name);
-  for (const std::string& fault : CheckWeights(rig)) {
-    report.warnings.push_back(inputs.actor.string() + ": " + fault);
-  }
-  character = BuildCharacter(rig, report.mapping);
-  if (options.height_m > 0) {
-    report.height_scale = ScaleToHeight(options.height_m, &character, &rig);
-  }
-  const double height = ActorHeight(character);
-  if (height < kMinHeightM || height > kMaxHeightM) {
-    throw Error(ErrorCode::kUnsupported,
-                fmt::format("{}: the actor is {:.4g} m tall, expected {} to {} m: give its height",
-                            inputs.actor.string(), height, kMinHeightM, kMaxHeightM));
-  }
+  actor = internal::LoadActor(inputs.actor, options.height_m);
+  report.mapping = actor.mapping;
+  for (const RigBone& bone : actor.rig.bones) report.rig_bones.push_back(bone.name);
+  report.height_scale = actor.height_scale;
+  report.warnings = actor.warnings;
 
   const VideoReader video(inputs.video, inputs.image_fps);
   report.fps = video.fps();
@@ -213,13 +160,24 @@ Capture::Inputs::Inputs(const CaptureInputs& inputs, const CaptureOptions& optio
     CheckFrameCount(inputs.detections3d, detections3d->frames.size(), inputs.detections2d,
                     static_cast<int>(detections2d.frames.size()));
   }
+  for (const fs::path& masks : {inputs.masks, inputs.true_masks}) {
+    if (masks.empty()) continue;
+    const MaskReader reader(masks, video.width(), video.height());
+    if (reader.num_frames() < 0) continue;
+    CheckFrameCount(masks, static_cast<size_t>(reader.num_frames()), inputs.detections2d,
+                    static_cast<int>(detections2d.frames.size()));
+  }
 }
 
 Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
     : inputs_(std::move(inputs)), output_(std::move(output)), options_(std::move(options)) {
   options_.Validate();
   loaded_ = std::make_unique<Inputs>(inputs_, options_);
-  PrepareOutput(output_, inputs_);
+  const std::array inputs_to_keep = {inputs_.video,        inputs_.actor, inputs_.detections2d,
+                                     inputs_.detections3d, inputs_.masks, inputs_.true_masks};
+  internal::PrepareOutput(output_, inputs_to_keep,
+                          std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName,
+                                     internal::kMasksName, kOverlayName, kReportName});
 }
 
 Capture::~Capture() = default;
@@ -227,8 +185,8 @@ Capture::~Capture() = default;
 CaptureReport Capture::Run(const ProgressCallback& progress) {
   CaptureReport report = loaded_->report;
   // The stages change these; the loaded inputs stay as they are for another run.
-  RigAsset rig = loaded_->rig;
-  Character character = loaded_->character;
+  RigAsset rig = loaded_->actor.rig;
+  Character character = loaded_->actor.character;
   const Detections3d* detections3d = loaded_->detections3d ? &*loaded_->detections3d : nullptr;
   const int num_threads = options_.pose.num_threads;
   const auto timed = [&report](const char* stage, const auto& work) {
@@ -259,6 +217,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   // A report of an earlier run must not vouch for the files of this one.
   std::error_code ec;
   fs::remove(output_ / kReportName, ec);
+  fs::remove(output_ / internal::kMasksName, ec);
   fs::remove(output_ / kOverlayName, ec);
   const internal::Performance performance = {
       rig, character, report.camera, report.track.poses, report.world, report.fps};
@@ -269,11 +228,40 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     report.outputs.push_back(kBvhName);
     internal::WriteJointsTrc(output_ / kTrcName, performance);
     report.outputs.push_back(kTrcName);
+    WritePoses(output_ / internal::kPosesName, {.video = fs::absolute(inputs_.video),
+                                                .image_fps = inputs_.image_fps,
+                                                .actor = fs::absolute(inputs_.actor),
+                                                .height_m = options_.height_m,
+                                                .proportions = report.track.proportions,
+                                                .fps = report.fps,
+                                                .camera = report.camera,
+                                                .dofs = internal::DofNames(character.skeleton),
+                                                .poses = report.track.poses});
+    report.outputs.push_back(internal::kPosesName);
   });
+  if (options_.masks && report.complete) {
+    timed("silhouettes", [&] {
+      const PosedClip clip = {.video = inputs_.video,
+                              .image_fps = inputs_.image_fps,
+                              .camera = report.camera,
+                              .character = character,
+                              .poses = report.track.poses,
+                              .masks = inputs_.masks,
+                              .true_masks = inputs_.true_masks};
+      SilhouetteOptions silhouettes = options_.silhouettes;
+      silhouettes.num_threads = num_threads;
+      report.silhouettes = internal::WriteMasks({.video = output_ / internal::kMasksName},
+                                                report.fps, clip, silhouettes, progress);
+      report.complete = report.silhouettes.size() == static_cast<size_t>(report.num_frames);
+      if (report.complete) report.outputs.push_back(internal::kMasksName);
+      internal::AddSilhouetteWarnings(report.silhouettes, &report.warnings);
+    });
+  }
   if (options_.overlay && report.complete) {
     timed("overlay", [&] {
-      const internal::OverlayScene scene = {character, report.camera, loaded_->detections2d,
-                                            report.track};
+      const internal::OverlayScene scene = {
+          character, report.camera, loaded_->detections2d, report.track,
+          options_.masks ? output_ / internal::kMasksName : fs::path()};
       report.complete = internal::WriteOverlay(output_ / kOverlayName,
                                                VideoReader(inputs_.video, inputs_.image_fps), scene,
                                                num_threads, progress);

@@ -1,9 +1,14 @@
 #include "outputs.h"
 
+#include <fmt/format.h>
+
 #include <array>
 #include <string>
+#include <system_error>
 
+#include "mpc/core/error.h"
 #include "mpc/eval/motions.h"
+#include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
 #include "mpc/io/gltf.h"
 #include "mpc/io/trc.h"
@@ -11,6 +16,9 @@
 #include "mpc/skeleton/rig_pose.h"
 
 namespace mpc::internal {
+
+namespace fs = std::filesystem;
+
 namespace {
 
 constexpr std::array<JointId, 17> kMarkers = {
@@ -65,6 +73,36 @@ void WriteJointsTrc(const std::filesystem::path& path, const Performance& perfor
         joints.middleRows<3>(3 * skeleton.FindJointIndex(kMarkers[m]));
   }
   WriteTrc(path, markers);
+}
+
+std::vector<std::string> DofNames(const Skeleton& skeleton) {
+  std::vector<std::string> names = {"root_tx", "root_ty", "root_tz",
+                                    "root_rx", "root_ry", "root_rz"};
+  for (const Hinge& hinge : skeleton.hinges) names.push_back(hinge.name);
+  return names;
+}
+
+void PrepareOutput(const fs::path& output, std::span<const fs::path> inputs,
+                   std::span<const char* const> names) {
+  std::error_code ec;
+  fs::create_directories(output, ec);
+  if (!fs::is_directory(output, ec)) {
+    throw Error(ErrorCode::kWriteFailed,
+                fmt::format("{} is not a folder and cannot be made one", output.string()));
+  }
+  for (const fs::path& input : inputs) {
+    for (const char* name : names) {
+      if (!input.empty() && fs::equivalent(input, output / name, ec)) {
+        throw Error(ErrorCode::kInvalidArgument,
+                    fmt::format("{} is an input and would be overwritten: choose another output "
+                                "folder",
+                                input.string()));
+      }
+    }
+  }
+  const fs::path probe = output / ".mpc_write_test";
+  WriteFileAtomically(probe, "x");
+  fs::remove(probe, ec);
 }
 
 }  // namespace mpc::internal

@@ -1,15 +1,20 @@
-// Purpose: a captured performance as files.
+// Purpose: the output folder, and a captured performance as files.
 #pragma once
 
 #include <Eigen/Core>
 #include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "mpc/core/camera.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_asset.h"
-#include "mpc/world.h"
+#include "mpc/skeleton/world.h"
 
 namespace mpc::internal {
+
+inline constexpr const char* kPosesName = "poses.json";
 
 // What the writers need: character and rig with the proportions of the poses (camera frame).
 struct Performance {
@@ -26,5 +31,15 @@ void WritePerformanceGltf(const std::filesystem::path& path, const std::filesyst
                           const Performance& performance);
 void WriteMotionBvh(const std::filesystem::path& path, const Performance& performance);
 void WriteJointsTrc(const std::filesystem::path& path, const Performance& performance);
+
+// Makes the folder and proves that files can be made there; `names` are what will be written into
+// it. Throws Error: kWriteFailed, and kInvalidArgument when one of `inputs` (empty paths are none)
+// would be overwritten.
+void PrepareOutput(const std::filesystem::path& output,
+                   std::span<const std::filesystem::path> inputs,
+                   std::span<const char* const> names);
+
+// What the rows of a pose are: "root_tx" to "root_rz", then the hinges.
+std::vector<std::string> DofNames(const Skeleton& skeleton);
 
 }  // namespace mpc::internal

@@ -1,10 +1,12 @@
 #include "overlay.h"
 
 #include <algorithm>
-#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
 #include <vector>
 
 #include "mpc/core/thread_pool.h"
+#include "mpc/io/mask_file.h"
 #include "mpc/render/draw.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skinning.h"
@@ -12,12 +14,13 @@
 namespace mpc::internal {
 namespace {
 
-void DrawFrame(const OverlayScene& scene, int f, cv::Mat* picture) {
+void DrawFrame(const OverlayScene& scene, int f, const cv::Mat& mask, cv::Mat* picture) {
   KinematicState state;
   ForwardKinematics(scene.character.skeleton, scene.track.poses.col(f), &state);
   Eigen::Matrix3Xf vertices;
   SkinCharacter(scene.character, state, &vertices);
   DrawMeshOverlay(scene.camera, vertices, scene.character.mesh.triangles, picture);
+  if (!mask.empty()) DrawOutline(mask, picture);
   const std::vector<SkeletonJoint>& joints = scene.character.skeleton.joints;
   std::vector<JointId> ids;
   for (const SkeletonJoint& joint : joints) ids.push_back(joint.id);
@@ -27,21 +30,37 @@ void DrawFrame(const OverlayScene& scene, int f, cv::Mat* picture) {
 
 }  // namespace
 
+void DrawOutline(const cv::Mat& mask, cv::Mat* picture) {
+  const cv::Scalar yellow(0, 230, 255);
+  std::vector<std::vector<cv::Point>> outlines;
+  cv::findContours(mask, outlines, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
+  const int thickness = std::max(1, std::max(picture->cols, picture->rows) / 900);
+  cv::drawContours(*picture, outlines, -1, yellow, thickness, cv::LINE_AA);
+}
+
 bool WriteOverlay(const std::filesystem::path& path, VideoReader video, const OverlayScene& scene,
                   int num_threads, const ProgressCallback& progress) {
   const int num_frames = static_cast<int>(scene.track.frames.size());
   VideoWriter writer(path, video.width(), video.height(), video.fps());
-  std::vector<cv::Mat> pictures(static_cast<size_t>(2 * ResolveNumThreads(num_threads)));
+  std::optional<MaskReader> masks;
+  if (!scene.masks.empty()) masks.emplace(scene.masks, video.width(), video.height());
+  struct Frame {
+    cv::Mat picture, mask;
+  };
+  std::vector<Frame> frames(static_cast<size_t>(2 * ResolveNumThreads(num_threads)));
   for (int begin = 0; begin < num_frames;) {
     int count = 0;
-    while (count < static_cast<int>(pictures.size()) && begin + count < num_frames &&
-           video.Read(&pictures[static_cast<size_t>(count)])) {
+    while (count < static_cast<int>(frames.size()) && begin + count < num_frames &&
+           video.Read(&frames[static_cast<size_t>(count)].picture)) {
+      if (masks) masks->Read(&frames[static_cast<size_t>(count)].mask);
       ++count;
     }
     if (count == 0) break;  // the reader tolerates a frame less than the file says
-    ParallelFor(count, num_threads,
-                [&](int i) { DrawFrame(scene, begin + i, &pictures[static_cast<size_t>(i)]); });
-    for (int i = 0; i < count; ++i) writer.Write(pictures[static_cast<size_t>(i)]);
+    ParallelFor(count, num_threads, [&](int i) {
+      Frame& frame = frames[static_cast<size_t>(i)];
+      DrawFrame(scene, begin + i, frame.mask, &frame.picture);
+    });
+    for (int i = 0; i < count; ++i) writer.Write(frames[static_cast<size_t>(i)].picture);
     begin += count;
     if (progress && !progress({"overlay", begin, num_frames})) return false;
   }

@@ -1,7 +1,8 @@
-// Purpose: overlay.mp4: the captured mesh, its skeleton and the detections over the video.
+// Purpose: overlay.mp4: the captured mesh, its skeleton, silhouette and detections over the video.
 #pragma once
 
 #include <filesystem>
+#include <opencv2/core.hpp>
 
 #include "mpc/core/detections.h"
 #include "mpc/core/progress.h"
@@ -16,7 +17,11 @@ struct OverlayScene {
   const Camera& camera;
   const Detections2d& detections;
   const PoseTrack& track;
+  std::filesystem::path masks;  // masks.mp4 of the same capture; empty: no outlines
 };
+
+// The outline of a mask (CV_8UC1) on a picture of its size.
+void DrawOutline(const cv::Mat& mask, cv::Mat* picture);
 
 // Draws the video frame by frame, a few at a time. Reports progress as stage "overlay"; false when
 // the callback stopped it: then there is no file. Throws Error (kBadFile, kWriteFailed).

@@ -2,7 +2,9 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <vector>
 
+#include "mpc/eval/metrics.h"
 #include "mpc/io/atomic_file.h"
 
 namespace mpc::internal {
@@ -93,6 +95,36 @@ Json FrameJson(const FrameReport& frame, double time_s) {
             {"confidence", std::move(confidences)}}}};
 }
 
+Json SilhouetteJson(const SilhouetteRecord& record) {
+  Json json = {{"state", SilhouetteStateName(record.state)},
+               {"confidence", Rounded(record.confidence, 1e-3)},
+               {"model_iou", Rounded(record.model_iou, 1e-4)},
+               {"camera_motion", record.camera_motion}};
+  if (std::isfinite(record.true_iou)) {
+    json["true_iou"] = Rounded(record.true_iou, 1e-4);
+    json["model_true_iou"] = Rounded(record.model_true_iou, 1e-4);
+  }
+  return json;
+}
+
+// Over all frames that have a true mask; null without any.
+Json TrueIouJson(const std::vector<SilhouetteRecord>& records) {
+  const auto summary = [&](double SilhouetteRecord::*iou) -> Json {
+    std::vector<double> values;
+    for (const SilhouetteRecord& record : records) values.push_back(record.*iou);
+    const IouSummary all = SummarizeIou(values);
+    if (all.num_frames == 0) return nullptr;
+    return {{"mean", all.mean}, {"worst_decile", all.worst_decile}, {"frames", all.num_frames}};
+  };
+  return {{"silhouettes", summary(&SilhouetteRecord::true_iou)},
+          {"model", summary(&SilhouetteRecord::model_true_iou)}};
+}
+
+// File names need not be UTF-8; what is not is replaced rather than refused.
+void WriteJson(const std::filesystem::path& path, const Json& json) {
+  WriteFileAtomically(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+}
+
 }  // namespace
 
 void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
@@ -103,10 +135,13 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
                     {"camera", inputs.camera},
                     {"fov_rad", inputs.fov_rad},
                     {"detections2d", inputs.detections2d.string()},
-                    {"detections3d", inputs.detections3d.string()}};
+                    {"detections3d", inputs.detections3d.string()},
+                    {"masks", inputs.masks.string()},
+                    {"true_masks", inputs.true_masks.string()}};
   json["options"] = {{"fit_proportions", options.pose.fit_proportions},
                      {"height_m", options.height_m},
-                     {"overlay", options.overlay}};
+                     {"overlay", options.overlay},
+                     {"masks", options.masks}};
   json["outputs"] = report.outputs;
   json["fps"] = report.fps;
   json["num_frames"] = report.num_frames;
@@ -121,16 +156,31 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   }
   json["seconds"] = std::move(timings);
   json["num_windows"] = report.track.num_windows;
+  if (!inputs.true_masks.empty()) json["true_iou"] = TrueIouJson(report.silhouettes);
   Json joints = Json::array();
   for (const SkeletonJoint& joint : report.skeleton.joints) joints.push_back(JointName(joint.id));
   json["joints"] = std::move(joints);
   Json frames = Json::array();
   for (size_t f = 0; f < report.track.frames.size(); ++f) {
-    frames.push_back(FrameJson(report.track.frames[f], static_cast<double>(f) / report.fps));
+    Json frame = FrameJson(report.track.frames[f], static_cast<double>(f) / report.fps);
+    if (f < report.silhouettes.size()) frame["silhouette"] = SilhouetteJson(report.silhouettes[f]);
+    frames.push_back(std::move(frame));
   }
   json["frames"] = std::move(frames);
-  // File names need not be UTF-8; what is not is replaced rather than refused.
-  WriteFileAtomically(path, json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
+  WriteJson(path, json);
+}
+
+void WriteSilhouetteReport(const std::filesystem::path& path, const Take& take,
+                           const SegmentReport& report) {
+  Json json = {{"format", "mpc-silhouettes"},           {"version", 1},
+               {"complete", report.complete},           {"video", take.video.string()},
+               {"actor", take.actor.string()},          {"outputs", report.outputs},
+               {"num_frames", report.frames.size()},    {"warnings", report.warnings},
+               {"true_iou", TrueIouJson(report.frames)}};
+  Json frames = Json::array();
+  for (const SilhouetteRecord& record : report.frames) frames.push_back(SilhouetteJson(record));
+  json["frames"] = std::move(frames);
+  WriteJson(path, json);
 }
 
 }  // namespace mpc::internal

@@ -292,4 +292,17 @@ double MaskIou(const cv::Mat& a, const cv::Mat& b) {
   return either == 0 ? 1.0 : static_cast<double>(both) / either;
 }
 
+IouSummary SummarizeIou(std::span<const double> iou_per_frame) {
+  std::vector<double> scored;
+  for (const double iou : iou_per_frame) {
+    if (std::isfinite(iou)) scored.push_back(iou);
+  }
+  std::sort(scored.begin(), scored.end());
+  const auto count = static_cast<Eigen::Index>(scored.size());
+  const Eigen::Map<const Eigen::ArrayXd> sorted(scored.data(), count);
+  const Eigen::Index worst = (count + 9) / 10;
+  return {sorted.sum() / static_cast<double>(count),
+          sorted.head(worst).sum() / static_cast<double>(worst), static_cast<int>(count)};
+}
+
 }  // namespace mpc

@@ -4,18 +4,13 @@
 
 #include <algorithm>
 
-#include "json_file.h"
+#include "camera_json.h"
 #include "mpc/core/error.h"
 #include "mpc/io/atomic_file.h"
 
 namespace mpc {
-namespace {
 
-using internal::JsonPlace;
-
-constexpr size_t kMaxJsonBytes = size_t{64} << 20;
-
-Camera ParseCamera(const JsonPlace& place, size_t index) {
+Camera internal::ParseCamera(const JsonPlace& place, size_t index) {
   Camera camera;
   camera.name = place.Has("name") ? place["name"].String() : fmt::format("camera{}", index);
   camera.width = place["width"].Int();
@@ -58,6 +53,29 @@ Camera ParseCamera(const JsonPlace& place, size_t index) {
   return camera;
 }
 
+nlohmann::ordered_json internal::CameraToJson(const Camera& camera) {
+  camera.Validate();
+  nlohmann::ordered_json json = {{"name", camera.name},     {"width", camera.width},
+                                 {"height", camera.height}, {"fx", camera.fx},
+                                 {"fy", camera.fy},         {"cx", camera.cx},
+                                 {"cy", camera.cy},         {"dist", camera.distortion}};
+  if (camera.has_extrinsics) {
+    const Eigen::Matrix3d& rotation = camera.camera_from_world.rotation;
+    const Eigen::Vector3d& translation = camera.camera_from_world.translation;
+    for (int i = 0; i < 3; ++i) {
+      json["R"].push_back({rotation(i, 0), rotation(i, 1), rotation(i, 2)});
+      json["t"].push_back(translation[i]);
+    }
+  }
+  return json;
+}
+
+namespace {
+
+using internal::JsonPlace;
+
+constexpr size_t kMaxJsonBytes = size_t{64} << 20;
+
 std::string NameList(const std::vector<Camera>& cameras) {
   std::string list;
   for (const Camera& camera : cameras) list += (list.empty() ? "" : ", ") + camera.name;
@@ -72,7 +90,7 @@ std::vector<Camera> ReadCameras(const std::filesystem::path& path) {
   const JsonPlace list = JsonPlace(json, path.string())["cameras"];
   std::vector<Camera> cameras;
   for (size_t i = 0; i < list.Size(); ++i) {
-    Camera camera = ParseCamera(list[i], i);
+    Camera camera = internal::ParseCamera(list[i], i);
     for (const Camera& other : cameras) {
       if (other.name == camera.name) {
         list[i].Fail(fmt::format("repeats the camera name \"{}\"", camera.name));
@@ -105,22 +123,7 @@ Camera ReadCamera(const std::string& spec) {
 
 void WriteCameras(const std::filesystem::path& path, const std::vector<Camera>& cameras) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
-  for (const Camera& camera : cameras) {
-    camera.Validate();
-    nlohmann::ordered_json json = {{"name", camera.name},     {"width", camera.width},
-                                   {"height", camera.height}, {"fx", camera.fx},
-                                   {"fy", camera.fy},         {"cx", camera.cx},
-                                   {"cy", camera.cy},         {"dist", camera.distortion}};
-    if (camera.has_extrinsics) {
-      const Eigen::Matrix3d& rotation = camera.camera_from_world.rotation;
-      const Eigen::Vector3d& translation = camera.camera_from_world.translation;
-      for (int i = 0; i < 3; ++i) {
-        json["R"].push_back({rotation(i, 0), rotation(i, 1), rotation(i, 2)});
-        json["t"].push_back(translation[i]);
-      }
-    }
-    list.push_back(std::move(json));
-  }
+  for (const Camera& camera : cameras) list.push_back(internal::CameraToJson(camera));
   const nlohmann::ordered_json file = {{"cameras", std::move(list)}};
   WriteFileAtomically(path, file.dump(1) + "\n");
 }

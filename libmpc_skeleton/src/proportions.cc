@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "mpc/core/error.h"
@@ -125,6 +126,28 @@ void ApplyProportions(const Proportions& proportions, Character* character, RigA
   character->skeleton = scaled;
   character->bind_pose = bind_pose;
   ForwardKinematics(scaled, bind_pose, &character->bind);
+}
+
+double ActorHeight(const Character& character) {
+  const auto y = character.mesh.positions.row(1);
+  return static_cast<double>(y.maxCoeff() - y.minCoeff());
+}
+
+double ScaleToHeight(double height_m, Character* character, RigAsset* rig) {
+  const double scale = height_m / ActorHeight(*character);
+  if (!(scale > 1e-9 && scale < 1e9)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("an actor of {:.4g} m cannot be scaled to {:.4g} m",
+                            ActorHeight(*character), height_m));
+  }
+  // In steps that ApplyProportions allows.
+  for (double rest = scale; std::abs(rest - 1) > 1e-12;) {
+    Proportions step;
+    step.overall = std::clamp(rest, 0.25, 4.0);
+    ApplyProportions(step, character, rig);
+    rest /= step.overall;
+  }
+  return scale;
 }
 
 }  // namespace mpc

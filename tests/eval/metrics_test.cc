@@ -183,6 +183,24 @@ TEST_F(MetricsTest, ReprojectionCountsWhatItCannotScore) {
   EXPECT_EQ(error.num_missing, 4);
 }
 
+TEST_F(MetricsTest, IouOfAClip) {
+  std::vector<double> iou(20, 0.9);
+  iou[3] = 0.5;
+  iou[17] = 0.3;
+  const IouSummary all = SummarizeIou(iou);
+  EXPECT_EQ(all.num_frames, 20);
+  EXPECT_NEAR(all.mean, (18 * 0.9 + 0.8) / 20, 1e-12);
+  EXPECT_NEAR(all.worst_decile, 0.4, 1e-12);
+  iou[3] = std::numeric_limits<double>::quiet_NaN();  // 19 frames: two are the worst tenth
+  EXPECT_NEAR(SummarizeIou(iou).worst_decile, 0.6, 1e-12);
+  EXPECT_EQ(SummarizeIou(iou).num_frames, 19);
+  const IouSummary one = SummarizeIou(std::vector<double>{0.7});
+  EXPECT_EQ(one.mean, 0.7);
+  EXPECT_EQ(one.worst_decile, 0.7);
+  EXPECT_TRUE(std::isnan(SummarizeIou({}).mean));
+  EXPECT_TRUE(std::isnan(SummarizeIou({}).worst_decile));
+}
+
 TEST_F(MetricsTest, MaskIou) {
   cv::Mat a = cv::Mat::zeros(10, 10, CV_8UC1);
   cv::Mat b = a.clone();

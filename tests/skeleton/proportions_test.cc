@@ -166,5 +166,17 @@ TEST_F(ProportionsTest, ARigOfAnotherCharacterIsRefused) {
   EXPECT_MPC_ERROR(ApplyProportions(proportions_, &character_, &rig_), kMismatch, "20");
 }
 
+TEST_F(ProportionsTest, AnyHeightIsReachedInOneCall) {
+  const Character before = character_;
+  const double height = ActorHeight(before);
+  for (const double factor : {0.01, 1.0, 1.07, 60.0}) {
+    Character scaled = before;
+    RigAsset rig = rig_;
+    EXPECT_NEAR(ScaleToHeight(factor * height, &scaled, &rig), factor, 1e-12);
+    EXPECT_NEAR(ActorHeight(scaled), factor * height, 1e-5 * factor);
+  }
+  EXPECT_MPC_ERROR(ScaleToHeight(0, &character_, &rig_), kInvalidArgument, "scaled");
+}
+
 }  // namespace
 }  // namespace mpc

@@ -12,9 +12,10 @@
 #include "mpc/core/camera.h"
 #include "mpc/core/progress.h"
 #include "mpc/pose/pose_estimator.h"
+#include "mpc/silhouettes.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_map.h"
-#include "mpc/world.h"
+#include "mpc/skeleton/world.h"
 
 namespace mpc {
 
@@ -26,12 +27,18 @@ struct CaptureInputs {
   double image_fps = 0;                // frame rate when `video` is a folder of pictures
   std::filesystem::path detections2d;  // as many frames as the video
   std::filesystem::path detections3d;  // the same; empty: 2D only
+  // Masks of the person, as many as the video has frames: a video, or a folder of pictures in the
+  // order of their names, white (above 127) inside.
+  std::filesystem::path masks;       // used in place of extracted silhouettes; empty: none
+  std::filesystem::path true_masks;  // only compared with the silhouettes; empty: none
 };
 
 struct CaptureOptions {
   PoseOptions pose;     // its num_threads serves every stage
   double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
   bool overlay = true;  // write overlay.mp4
+  bool masks = true;    // find silhouettes and write masks.mp4
+  SilhouetteOptions silhouettes;  // its num_threads is that of `pose`
 
   // Throws Error (kInvalidArgument) naming every fault.
   void Validate() const;
@@ -51,6 +58,7 @@ struct CaptureReport {
   Skeleton skeleton;  // the actor's, with the proportions applied
   PoseTrack track;    // poses N x F of `skeleton`
   WorldPlacement world;
+  std::vector<SilhouetteRecord> silhouettes;  // one per frame; empty without the stage
   RigMap mapping;
   std::vector<std::string> rig_bones;  // names, indexed by the mapping
   double height_scale = 1;             // applied to the actor's file for height_m
@@ -69,8 +77,8 @@ class Capture {
   Capture(const Capture&) = delete;
   Capture& operator=(const Capture&) = delete;
 
-  // Writes performance.glb, motion.bvh, joints.trc, overlay.mp4 and, last, report.json, each file
-  // whole or not at all. A progress callback that returns false ends the work: files that are
+  // Writes performance.glb, motion.bvh, joints.trc, poses.json, masks.mp4, overlay.mp4 and, last,
+  // report.json, each file whole or not at all. A progress callback that returns false ends the work: files that are
   // finished stay, and the report says "complete": false. Memory does not grow with the video's
   // pictures. Throws Error (kWriteFailed, kBadFile for a video that breaks off).
   CaptureReport Run(const ProgressCallback& progress = {});

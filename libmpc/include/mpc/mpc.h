@@ -1,6 +1,8 @@
-// Purpose: everything most programs need: mpc::Capture, its inputs, options and report.
+// Purpose: everything most programs need: mpc::Capture, what it leaves behind, and silhouettes.
 #pragma once
 
 #include "mpc/capture.h"
 #include "mpc/core/error.h"
-#include "mpc/world.h"
+#include "mpc/silhouettes.h"
+#include "mpc/take.h"
+#include "mpc/skeleton/world.h"

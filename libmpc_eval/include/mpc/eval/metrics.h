@@ -91,4 +91,12 @@ ReprojectionError CompareReprojection(const Camera& camera, std::span<const Join
 // Intersection over union of two 8-bit masks (non-zero is inside); 1 when both are empty.
 double MaskIou(const cv::Mat& a, const cv::Mat& b);
 
+// Masks of a clip: one IoU per frame, NaN for a frame that is not scored.
+struct IouSummary {
+  double mean = 0;          // NaN when no frame is scored
+  double worst_decile = 0;  // mean over the worst tenth of the frames, at least one; NaN likewise
+  int num_frames = 0;       // scored
+};
+IouSummary SummarizeIou(std::span<const double> iou_per_frame);
+
 }  // namespace mpc

@@ -41,4 +41,11 @@ Skeleton ScaledSkeleton(const Skeleton& skeleton, const Proportions& proportions
 // character of another rig.
 void ApplyProportions(const Proportions& proportions, Character* character, RigAsset* rig);
 
+// The mesh's extent along y at bind.
+double ActorHeight(const Character& character);
+
+// Scales the actor as a whole to a height (m, at bind), by any factor; returns the factor. Throws
+// Error (kInvalidArgument) for a height or an actor without one.
+double ScaleToHeight(double height_m, Character* character, RigAsset* rig);
+
 }  // namespace mpc

@@ -1,4 +1,4 @@
-#include "mpc/world.h"
+#include "mpc/skeleton/world.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "mpc/world.h"
+#include "mpc/skeleton/world.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

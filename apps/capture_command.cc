@@ -8,6 +8,7 @@
 #include "command.h"
 #include "console.h"
 #include "mpc/mpc.h"
+#include "silhouette_summary.h"
 
 namespace monoperfcap {
 namespace {
@@ -21,18 +22,23 @@ struct Arguments {
   double height_m = 0;
   int num_threads = 0;
   bool no_overlay = false;
+  bool no_masks = false;
   bool quiet = false;
 };
 
 mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   mpc::CaptureOptions options;
-  if (arguments.preset == "paper") options.pose = mpc::PoseOptions::Paper();
+  if (arguments.preset == "paper") {
+    options.pose = mpc::PoseOptions::Paper();
+    options.silhouettes = mpc::SilhouetteOptions::Paper();
+  }
   if (!arguments.fit_proportions.empty()) {
     options.pose.fit_proportions = arguments.fit_proportions == "auto";
   }
   options.pose.num_threads = arguments.num_threads;
   options.height_m = arguments.height_m;
   options.overlay = !arguments.no_overlay;
+  options.masks = !arguments.no_masks;
   return options;
 }
 
@@ -51,6 +57,7 @@ void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) 
                                 arguments.output, files, report.num_frames, report.fps,
                                 num_seen > 0 ? residual_px / num_seen : 0.0, num_seen)
                         .c_str());
+  std::printf("%s", SilhouetteSummary(report.silhouettes).c_str());
 }
 
 int Run(const Arguments& arguments) {
@@ -99,6 +106,15 @@ Command AddCaptureCommand(CLI::App* parent) {
       ->check(CLI::Range(0.1, 1000.0));
   app->add_option("--threads", arguments->num_threads, "Threads; 0: all cores")
       ->check(CLI::Range(0, 1024));
+  CLI::Option* const masks = app->add_option(
+      "--masks", inputs.masks,
+      "Your own masks in place of extracted silhouettes: a video, or a folder of pictures");
+  CLI::Option* const true_masks =
+      app->add_option("--true-masks", inputs.true_masks,
+                      "Masks to compare the silhouettes with: a video, or a folder of pictures");
+  app->add_flag("--no-masks", arguments->no_masks, "Do not find silhouettes nor make masks.mp4")
+      ->excludes(masks)
+      ->excludes(true_masks);
   app->add_flag("--no-overlay", arguments->no_overlay, "Do not make overlay.mp4");
   app->add_flag("--quiet", arguments->quiet, "No progress");
   return {app, [arguments] { return Run(*arguments); }};

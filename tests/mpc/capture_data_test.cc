@@ -26,6 +26,7 @@ Scores CaptureAndScore(const std::string& camera, bool fit_proportions) {
   const testing::TempDir out;
   CaptureOptions options;
   options.overlay = false;
+  options.masks = false;
   options.pose.fit_proportions = fit_proportions;
   Capture({.video = clip / (camera + ".mp4"),
            .actor = data / "actors" / "male_tpose.glb",

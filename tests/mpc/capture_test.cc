@@ -14,6 +14,7 @@
 #include "io/temp_dir.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
+#include "mpc/io/mask_file.h"
 #include "mpc/io/trc.h"
 #include "mpc/io/video.h"
 #include "mpc/mpc.h"
@@ -54,6 +55,7 @@ class CaptureTest : public ::testing::Test {
     CaptureOptions options;
     options.pose.num_threads = 1;
     options.overlay = false;
+    options.masks = false;
     return options;
   }
 
@@ -67,8 +69,8 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   const CaptureReport report = capture.Run();
   EXPECT_TRUE(report.complete);
   EXPECT_THAT(FilesIn(out_ / "take"),
-              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "overlay.mp4",
-                                   "report.json"));
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                                   "masks.mp4", "overlay.mp4", "report.json"));
 
   const nlohmann::json json = ReadReport(out_ / "take");
   EXPECT_EQ(json["format"], "mpc-report");
@@ -79,7 +81,7 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   EXPECT_EQ(json["camera"]["name"], "small");
   EXPECT_EQ(json["mapping"]["parts"]["left_hand"], "leftHand");
   EXPECT_TRUE(json["proportions"]["parts"]["thigh"]["uncertainty"].is_number());
-  for (const char* stage : {"video", "pose", "world", "files", "overlay"}) {
+  for (const char* stage : {"video", "pose", "world", "files", "silhouettes", "overlay"}) {
     EXPECT_TRUE(json["seconds"][stage].is_number()) << stage;
   }
   const size_t num_joints = json["joints"].size();
@@ -88,6 +90,8 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   for (const nlohmann::json& frame : json["frames"]) {
     EXPECT_EQ(frame["state"], "tracked");
     EXPECT_LT(frame["residual_px"], 5);
+    EXPECT_TRUE(frame["silhouette"]["state"].is_string());
+    EXPECT_TRUE(frame["silhouette"]["model_iou"].is_number());
     for (const char* quantity : {"state", "residual_px", "confidence"}) {
       EXPECT_EQ(frame["joints"][quantity].size(), num_joints);
     }
@@ -181,9 +185,11 @@ TEST_F(CaptureTest, BytesDoNotDependOnTheNumberOfThreads) {
   for (const int num_threads : {1, 3}) {
     CaptureOptions options = QuickOptions();
     options.pose.num_threads = num_threads;
+    options.masks = true;
     Capture(clip_->inputs, out_ / std::to_string(num_threads), options).Run();
   }
-  for (const char* name : {"performance.glb", "motion.bvh", "joints.trc"}) {
+  for (const char* name :
+       {"performance.glb", "motion.bvh", "joints.trc", "poses.json", "masks.mp4"}) {
     EXPECT_EQ(ReadFile(out_ / "1" / name), ReadFile(out_ / "3" / name)) << name;
   }
 }
@@ -203,8 +209,66 @@ TEST_F(CaptureTest, StoppedInThePoseStageKeepsWhatIsThere) {
   EXPECT_FALSE(report.complete);
   EXPECT_TRUE(report.track.poses.allFinite());
   EXPECT_THAT(FilesIn(out_.path()),
-              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "report.json"));
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                                   "report.json"));
   EXPECT_EQ(ReadReport(out_.path())["complete"], false);
+}
+
+TEST_F(CaptureTest, StoppedInTheSilhouettesLeavesNoMasks) {
+  Capture capture(clip_->inputs, out_.path());
+  capture.Run();
+  const CaptureReport report =
+      capture.Run([](const Progress& progress) { return progress.stage != "silhouettes"; });
+  EXPECT_FALSE(report.complete);
+  EXPECT_THAT(FilesIn(out_.path()),
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                                   "report.json"));
+  EXPECT_EQ(ReadReport(out_.path())["complete"], false);
+}
+
+// White frames in place of the stage: the files and the report say so.
+TEST_F(CaptureTest, MasksCanBeGiven) {
+  CaptureInputs inputs = clip_->inputs;
+  inputs.masks = inputs.true_masks = out_ / "white";
+  MaskFolderWriter writer(inputs.masks);
+  for (int f = 0; f < clip_->num_frames; ++f) {
+    writer.Write(cv::Mat(SmallClip::kHeight, SmallClip::kWidth, CV_8UC1, cv::Scalar(255)));
+  }
+  writer.Close();
+  const CaptureReport report = Capture(inputs, out_ / "take").Run();
+  ASSERT_EQ(report.silhouettes.size(), static_cast<size_t>(clip_->num_frames));
+  for (const SilhouetteRecord& record : report.silhouettes) {
+    EXPECT_EQ(record.state, SilhouetteState::kExternal);
+    EXPECT_EQ(record.true_iou, 1);
+  }
+  const nlohmann::json json = ReadReport(out_ / "take");
+  EXPECT_EQ(json["frames"][3]["silhouette"]["state"], "external");
+  EXPECT_EQ(json["true_iou"]["silhouettes"]["mean"], 1);
+  EXPECT_LT(json["true_iou"]["model"]["mean"], 0.5);
+  EXPECT_EQ(json["inputs"]["masks"], inputs.masks.string());
+  MaskReader masks(out_ / "take" / "masks.mp4", SmallClip::kWidth, SmallClip::kHeight);
+  cv::Mat mask;
+  ASSERT_TRUE(masks.Read(&mask));
+  EXPECT_EQ(cv::countNonZero(mask), mask.rows * mask.cols);
+}
+
+TEST_F(CaptureTest, MasksMustBeOfThisVideo) {
+  for (const bool given : {true, false}) {
+    CaptureInputs inputs = clip_->inputs;
+    (given ? inputs.masks : inputs.true_masks) = out_ / "masks";
+    EXPECT_MPC_ERROR(Capture(inputs, out_ / "take"), kFileNotFound, "masks");
+    const auto write = [&](int width, int height, int count) {
+      MaskFolderWriter writer(out_ / "masks");
+      for (int f = 0; f < count; ++f) writer.Write(cv::Mat::zeros(height, width, CV_8UC1));
+      writer.Close();
+    };
+    write(SmallClip::kHeight, SmallClip::kWidth, clip_->num_frames);
+    EXPECT_MPC_ERROR(Capture(inputs, out_ / "take"), kMismatch, "160 x 128");
+    write(SmallClip::kWidth, SmallClip::kHeight, clip_->num_frames - 3);
+    EXPECT_MPC_ERROR(Capture(inputs, out_ / "take"), kMismatch, "masks has 21 frames");
+    fs::remove_all(out_ / "masks");
+  }
+  EXPECT_FALSE(fs::exists(out_ / "take"));
 }
 
 TEST_F(CaptureTest, StoppedInTheOverlayLeavesNoHalfVideo) {
@@ -214,7 +278,8 @@ TEST_F(CaptureTest, StoppedInTheOverlayLeavesNoHalfVideo) {
       capture.Run([](const Progress& progress) { return progress.stage != "overlay"; });
   EXPECT_FALSE(report.complete);
   EXPECT_THAT(FilesIn(out_.path()),
-              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "report.json"));
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                                   "masks.mp4", "report.json"));
   EXPECT_EQ(ReadReport(out_.path())["complete"], false);
 }
 
@@ -231,8 +296,8 @@ TEST_F(CaptureTest, ProgressCountsEveryStageToItsEnd) {
     last[std::string(progress.stage)] = progress;
     return true;
   });
-  EXPECT_EQ(last.size(), 3u);
-  for (const char* stage : {"video", "pose", "overlay"}) {
+  EXPECT_EQ(last.size(), 4u);
+  for (const char* stage : {"video", "pose", "silhouettes", "overlay"}) {
     EXPECT_EQ(last[stage].step, last[stage].num_steps) << stage;
     EXPECT_GT(last[stage].num_steps, 0) << stage;
   }

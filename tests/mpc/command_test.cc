@@ -136,8 +136,9 @@ const SmallClip* CommandTest::clip_ = nullptr;
 TEST_F(CommandTest, CapturesAndEvaluates) {
   const Outcome capture = RunCommand(CaptureArguments(clip_->inputs, output()));
   EXPECT_EQ(capture.exit_code, 0) << capture.err;
-  EXPECT_THAT(FilesIn(output()), IsSupersetOf({"performance.glb", "motion.bvh", "joints.trc",
-                                               "overlay.mp4", "report.json"}));
+  EXPECT_THAT(FilesIn(output()),
+              IsSupersetOf({"performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                            "masks.mp4", "overlay.mp4", "report.json"}));
   EXPECT_THAT(capture.out, HasSubstr("24 frames"));
 
   const std::string joints = (output() / "joints.trc").string();
@@ -169,6 +170,53 @@ TEST_F(CommandTest, SynthesizesAClipThatItCanCapture) {
       {"eval", (output() / "joints.trc").string(), "--truth", file("truth.trc"), "--json"});
   ASSERT_EQ(eval.exit_code, 0) << eval.err;
   EXPECT_LT(nlohmann::json::parse(eval.out)["mpjpe"]["mean_mm"], 40);
+}
+
+TEST_F(CommandTest, SegmentsWhatWasCaptured) {
+  ASSERT_EQ(RunCommand(CaptureArguments(clip_->inputs, output())).exit_code, 0);
+  const std::string again = (folder_ / "again").string();
+  const std::string masks = (output() / "masks.mp4").string();
+  const Outcome segment = RunCommand(
+      {"segment", output().string(), "-o", again, "--png", "--quiet", "--true-masks", masks});
+  EXPECT_EQ(segment.exit_code, 0) << segment.err;
+  EXPECT_THAT(segment.out, HasSubstr("masks.mp4 masks overlay.mp4 silhouettes.json"));
+  EXPECT_THAT(segment.out, HasSubstr("over 24 frames, mean and worst tenth: silhouettes 1.0000"));
+  EXPECT_EQ(FilesIn(folder_ / "again" / "masks").size(), 24u);
+
+  // Its masks in place of the stage: the same video comes out.
+  std::vector<std::string> arguments = CaptureArguments(clip_->inputs, folder_ / "given");
+  arguments.insert(arguments.end(), {"--masks", again + "/masks", "--no-overlay"});
+  const Outcome given = RunCommand(arguments);
+  EXPECT_EQ(given.exit_code, 0) << given.err;
+  EXPECT_EQ(ReadFile(folder_ / "given" / "masks.mp4"), ReadFile(masks));
+
+  EXPECT_EQ(RunCommand({"segment", output().string()}).exit_code, 2);
+  arguments.push_back("--no-masks");
+  EXPECT_EQ(RunCommand(arguments).exit_code, 2);
+  ExpectOneSentence(RunCommand({"segment", again, "-o", again}), "poses.json");
+  ExpectOneSentence(RunCommand({"segment", output().string(), "-o", output().string()}),
+                    "is a capture folder");
+  ExpectOneSentence(RunCommand({"segment", output().string(), "-o", "/proc/x"}), "/proc/x");
+}
+
+TEST_F(CommandTest, MasksOfAnotherClipAreRefused) {
+  CaptureInputs inputs = clip_->inputs;
+  std::vector<std::string> arguments = CaptureArguments(inputs, output());
+  arguments.push_back("--masks");
+  const auto refused = [&](const fs::path& masks, const std::string& part) {
+    arguments.push_back(masks.string());
+    ExpectOneSentence(RunCommand(arguments), part);
+    EXPECT_THAT(FilesIn(output()), IsEmpty());
+    arguments.pop_back();
+  };
+  refused(folder_ / "none", "none");
+  refused(folder_.Write("garbage.mp4", "no video"), "garbage.mp4");
+  fs::create_directory(folder_ / "empty");
+  refused(folder_ / "empty", "no pictures");
+  testing::WriteNoiseVideo(folder_ / "short.mp4", SmallClip::kWidth, SmallClip::kHeight, 25, 20);
+  refused(folder_ / "short.mp4", "short.mp4 has 20 frames");
+  testing::WriteNoiseVideo(folder_ / "small.mp4", 64, 80, 25, 24);
+  refused(folder_ / "small.mp4", "64 x 80");
 }
 
 TEST_F(CommandTest, ShowsHowARigIsMapped) {
@@ -310,7 +358,8 @@ TEST_F(CommandTest, AFullDiskLeavesNoHalfWrittenFile) {
   ExpectOneSentence(RunWithFileLimit(blocks, CaptureArguments(clip_->inputs, output())),
                     "overlay.mp4");
   EXPECT_THAT(FilesIn(output()),
-              ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc"));
+              ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc",
+                                              "poses.json", "masks.mp4"));
   EXPECT_EQ(ReadFile(output() / "performance.glb"),
             ReadFile(folder_ / "whole" / "performance.glb"));
 }
@@ -329,7 +378,7 @@ TEST_F(CommandTest, AFullDeviceIsAnError) {
 
 TEST_F(CommandTest, CtrlCKeepsWhatIsFinishedAndExitsWith130) {
   // Long enough that the overlay is still being made when the signal comes.
-  const SmallClip longer(600);
+  const SmallClip longer(240);
   std::vector<std::string> arguments = CaptureArguments(longer.inputs, output());
   std::erase(arguments, "--quiet");
   arguments.insert(arguments.begin(), MPC_COMMAND);
@@ -343,8 +392,9 @@ TEST_F(CommandTest, CtrlCKeepsWhatIsFinishedAndExitsWith130) {
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
-  EXPECT_THAT(FilesIn(output()), ::testing::UnorderedElementsAre("performance.glb", "motion.bvh",
-                                                                 "joints.trc", "report.json"));
+  EXPECT_THAT(FilesIn(output()),
+              ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc",
+                                              "poses.json", "masks.mp4", "report.json"));
   EXPECT_EQ(nlohmann::json::parse(ReadFile(output() / "report.json"))["complete"], false);
 }
 

@@ -1,0 +1,291 @@
+#include "mpc/silhouettes.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "drawn_clip.h"
+#include "mpc/capture.h"
+#include "mpc/eval/metrics.h"
+#include "mpc/io/atomic_file.h"
+#include "mpc/take.h"
+#include "support/expect_error.h"
+
+namespace mpc {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::DrawnClip;
+using testing::SmallClip;
+using testing::TempDir;
+using ::testing::UnorderedElementsAre;
+
+std::set<std::string> FilesIn(const fs::path& folder) {
+  std::set<std::string> names;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+    names.insert(entry.path().filename().string());
+  }
+  return names;
+}
+
+struct Extraction {
+  std::vector<cv::Mat> masks;
+  std::vector<cv::Mat> models;
+  std::vector<SilhouetteRecord> records;
+};
+
+Extraction Extract(const PosedClip& clip, const SilhouetteOptions& options = {},
+                   const ProgressCallback& progress = {}) {
+  Extraction result;
+  result.records = ExtractSilhouettes(
+      clip, options,
+      [&](const SilhouetteFrame& frame) {
+        EXPECT_EQ(frame.index, static_cast<int>(result.masks.size()));
+        EXPECT_EQ(frame.picture.size(), frame.silhouette.mask.size());
+        result.masks.push_back(frame.silhouette.mask.clone());
+        result.models.push_back(frame.model.clone());
+      },
+      progress);
+  return result;
+}
+
+bool Same(const cv::Mat& a, const cv::Mat& b) {
+  return a.size() == b.size() && cv::countNonZero(a != b) == 0;
+}
+
+class SilhouettesTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() { clip_ = new DrawnClip(); }
+  static void TearDownTestSuite() { delete clip_; }
+
+  // Masks of the right size: as many frames, each the truth or all black.
+  fs::path WriteMasks(const char* name, int count) const {
+    MaskFolderWriter writer(out_ / name);
+    for (int f = 0; f < count; ++f) writer.Write(clip_->truth[static_cast<size_t>(f) % 9]);
+    writer.Close();
+    return out_ / name;
+  }
+
+  static const DrawnClip* clip_;
+  TempDir out_;
+};
+const DrawnClip* SilhouettesTest::clip_ = nullptr;
+
+TEST_F(SilhouettesTest, AreNearerToTheTruthThanTheModel) {
+  PosedClip clip = clip_->clip();
+  clip.true_masks = clip_->true_masks;
+  const Extraction result = Extract(clip);
+  ASSERT_EQ(result.masks.size(), clip_->truth.size());
+  for (size_t f = 0; f < result.masks.size(); ++f) {
+    const SilhouetteRecord& record = result.records[f];
+    EXPECT_EQ(record.state, SilhouetteState::kCut);
+    EXPECT_LT(record.model_true_iou, 0.8);
+    EXPECT_GT(record.true_iou, 0.88) << f;
+    EXPECT_EQ(record.true_iou, MaskIou(result.masks[f], clip_->truth[f]));
+    EXPECT_EQ(record.model_true_iou, MaskIou(result.models[f], clip_->truth[f]));
+    EXPECT_NEAR(record.model_iou, MaskIou(result.masks[f], result.models[f]), 1e-9);
+  }
+}
+
+TEST_F(SilhouettesTest, DoNotDependOnTheNumberOfThreads) {
+  SilhouetteOptions options;
+  options.num_threads = 1;
+  const Extraction one = Extract(clip_->clip(), options);
+  for (const int num_threads : {2, 3, 16}) {
+    options.num_threads = num_threads;
+    const Extraction many = Extract(clip_->clip(), options);
+    ASSERT_EQ(many.masks.size(), one.masks.size());
+    for (size_t f = 0; f < one.masks.size(); ++f) {
+      EXPECT_TRUE(Same(many.masks[f], one.masks[f])) << num_threads << " threads, frame " << f;
+      EXPECT_EQ(many.records[f].confidence, one.records[f].confidence);
+    }
+  }
+}
+
+TEST_F(SilhouettesTest, OneFrameIsEnough) {
+  const DrawnClip single(1);
+  const Extraction result = Extract(single.clip());
+  ASSERT_EQ(result.masks.size(), 1u);
+  EXPECT_GT(MaskIou(result.masks[0], single.truth[0]), 0.88);
+  EXPECT_TRUE(std::isnan(result.records[0].true_iou));
+}
+
+TEST_F(SilhouettesTest, PaperPresetRuns) {
+  const DrawnClip two(2);
+  const Extraction result = Extract(two.clip(), SilhouetteOptions::Paper());
+  ASSERT_EQ(result.masks.size(), 2u);
+  EXPECT_GT(MaskIou(result.masks[1], two.truth[1]), 0.7);
+}
+
+TEST_F(SilhouettesTest, ActorsOutsideThePictureAreDefined) {
+  for (const double shift_m : {0.9, 30.0}) {
+    Eigen::MatrixXd poses = clip_->poses;
+    poses.row(0).array() += shift_m;
+    PosedClip clip = {.video = clip_->video,
+                      .camera = clip_->camera,
+                      .character = clip_->character,
+                      .poses = poses};
+    const Extraction result = Extract(clip);
+    ASSERT_EQ(result.masks.size(), clip_->truth.size());
+    if (shift_m < 10) continue;
+    for (size_t f = 0; f < result.masks.size(); ++f) {
+      EXPECT_EQ(result.records[f].state, SilhouetteState::kNoModel);
+      EXPECT_EQ(cv::countNonZero(result.masks[f]), 0);
+    }
+  }
+}
+
+TEST_F(SilhouettesTest, GivenMasksTakeTheirPlace) {
+  PosedClip clip = clip_->clip();
+  clip.masks = clip_->true_masks;
+  const Extraction result = Extract(clip);
+  ASSERT_EQ(result.masks.size(), clip_->truth.size());
+  for (size_t f = 0; f < result.masks.size(); ++f) {
+    EXPECT_TRUE(Same(result.masks[f], clip_->truth[f]));
+    EXPECT_EQ(result.records[f].state, SilhouetteState::kExternal);
+    EXPECT_EQ(result.records[f].model_iou, MaskIou(result.models[f], clip_->truth[f]));
+  }
+}
+
+TEST_F(SilhouettesTest, MasksMustBeOfThisClip) {
+  for (const bool given : {true, false}) {
+    PosedClip clip = clip_->clip();
+    fs::path& masks = given ? clip.masks : clip.true_masks;
+    masks = WriteMasks("few", 7);
+    EXPECT_MPC_ERROR(Extract(clip), kMismatch, "few has 7 frames, but the actor has 9 poses");
+    masks = WriteMasks("many", 10);
+    EXPECT_MPC_ERROR(Extract(clip), kMismatch, "many has more frames than the actor's 9 poses");
+    masks = out_ / "none";
+    EXPECT_MPC_ERROR(Extract(clip), kFileNotFound, "none");
+    masks = out_ / "other";
+    MaskFolderWriter writer(masks);
+    writer.Write(cv::Mat::zeros(20, 16, CV_8UC1));
+    writer.Close();
+    EXPECT_MPC_ERROR(Extract(clip), kMismatch, "16 x 20");
+  }
+}
+
+TEST_F(SilhouettesTest, VideosMustBeOfThesePoses) {
+  PosedClip clip = clip_->clip();
+  const Eigen::MatrixXd few = clip_->poses.leftCols(5);
+  EXPECT_MPC_ERROR(
+      Extract(
+          {.video = clip.video, .camera = clip.camera, .character = clip.character, .poses = few}),
+      kMismatch, "more frames");
+  const Camera other = clip_->camera.ScaledTo(480, 600);
+  EXPECT_MPC_ERROR(
+      Extract(
+          {.video = clip.video, .camera = other, .character = clip.character, .poses = clip.poses}),
+      kMismatch, "480 x 600");
+  SilhouetteOptions options;
+  options.limb_thickness = -1;
+  EXPECT_MPC_ERROR(Extract(clip, options), kInvalidArgument, "limb_thickness");
+}
+
+TEST_F(SilhouettesTest, StopWhenAsked) {
+  SilhouetteOptions options;
+  options.num_threads = 1;
+  const Extraction result =
+      Extract(clip_->clip(), options, [](const Progress& progress) { return progress.step < 4; });
+  EXPECT_EQ(result.records.size(), 4u);
+  EXPECT_EQ(result.masks.size(), 4u);
+}
+
+// ---- In a capture, and from its folder ----------------------------------------------------------
+
+class TakeTest : public ::testing::Test {
+ protected:
+  TakeTest() {
+    CaptureInputs inputs = clip_.inputs;
+    CaptureOptions options;
+    options.overlay = false;
+    options.pose.num_threads = 1;
+    report_ = Capture(inputs, folder(), options).Run();
+  }
+  fs::path folder() const { return out_ / "take"; }
+
+  SmallClip clip_{12};
+  TempDir out_;
+  CaptureReport report_;
+};
+
+TEST_F(TakeTest, IsThePosedActorAgain) {
+  const Take take = ReadTake(folder());
+  EXPECT_EQ(take.poses, report_.track.poses);
+  EXPECT_EQ(take.camera.fx, report_.camera.fx);
+  EXPECT_EQ(take.fps, SmallClip::kFps);
+  EXPECT_TRUE(take.video.is_absolute());
+  const Eigen::MatrixXd before = JointTrajectories(report_.skeleton, report_.track.poses);
+  EXPECT_EQ(JointTrajectories(take.character.skeleton, take.poses), before);
+}
+
+TEST_F(TakeTest, SegmentWritesTheMasksOfTheCapture) {
+  SegmentOptions options;
+  options.pictures = true;
+  const SegmentReport report = SegmentTake(ReadTake(folder()), out_ / "again", options);
+  EXPECT_TRUE(report.complete);
+  EXPECT_EQ(report.frames.size(), 12u);
+  EXPECT_THAT(FilesIn(out_ / "again"),
+              UnorderedElementsAre("masks.mp4", "masks", "overlay.mp4", "silhouettes.json"));
+  EXPECT_EQ(ReadFile(out_ / "again" / "masks.mp4"), ReadFile(folder() / "masks.mp4"));
+  EXPECT_EQ(FilesIn(out_ / "again" / "masks").size(), 12u);
+  EXPECT_EQ(VideoReader(out_ / "again" / "overlay.mp4").num_frames(), 12);
+  const nlohmann::json json = nlohmann::json::parse(ReadFile(out_ / "again" / "silhouettes.json"));
+  EXPECT_EQ(json["format"], "mpc-silhouettes");
+  EXPECT_EQ(json["complete"], true);
+  EXPECT_TRUE(json["true_iou"]["silhouettes"].is_null());
+  ASSERT_EQ(json["frames"].size(), 12u);
+  const nlohmann::json captured = nlohmann::json::parse(ReadFile(folder() / "report.json"));
+  for (size_t f = 0; f < 12; ++f) {
+    EXPECT_EQ(json["frames"][f], captured["frames"][f]["silhouette"]);
+  }
+}
+
+TEST_F(TakeTest, SegmentComparesWithTrueMasks) {
+  SegmentOptions options;
+  options.true_masks = folder() / "masks.mp4";
+  options.overlay = false;
+  const SegmentReport report = SegmentTake(ReadTake(folder()), out_ / "again", options);
+  for (const SilhouetteRecord& record : report.frames) EXPECT_GT(record.true_iou, 0.999);
+  EXPECT_THAT(FilesIn(out_ / "again"), UnorderedElementsAre("masks.mp4", "silhouettes.json"));
+}
+
+TEST_F(TakeTest, StoppedSegmentLeavesOnlyAReport) {
+  SegmentOptions options;
+  options.pictures = true;
+  options.silhouettes.num_threads = 1;
+  const SegmentReport report = SegmentTake(ReadTake(folder()), out_ / "again", options,
+                                           [](const Progress&) { return false; });
+  EXPECT_FALSE(report.complete);
+  EXPECT_THAT(FilesIn(out_ / "again"), UnorderedElementsAre("silhouettes.json"));
+}
+
+TEST_F(TakeTest, SegmentNeverOverwritesWhatItReads) {
+  const Take take = ReadTake(folder());
+  EXPECT_MPC_ERROR(SegmentTake(take, folder()), kInvalidArgument, "is a capture folder");
+  SegmentOptions options;
+  options.pictures = true;
+  SegmentTake(take, out_ / "a", options);
+  options.true_masks = out_ / "a" / "masks";
+  EXPECT_MPC_ERROR(SegmentTake(take, out_ / "a", options), kInvalidArgument, "overwritten");
+  out_.Write("file", "x");
+  EXPECT_MPC_ERROR(SegmentTake(take, out_ / "file"), kWriteFailed, "not a folder");
+}
+
+TEST_F(TakeTest, WhatIsMissingIsSaid) {
+  EXPECT_MPC_ERROR(ReadTake(out_ / "none"), kFileNotFound, "poses.json");
+  EXPECT_MPC_ERROR(ReadTake(folder(), {}, out_ / "none.glb"), kFileNotFound, "none.glb");
+  EXPECT_MPC_ERROR(SegmentTake(ReadTake(folder(), out_ / "none.mp4"), out_ / "again"),
+                   kFileNotFound, "none.mp4");
+  const fs::path moved = out_ / "moved.mp4";
+  fs::rename(clip_.inputs.video, moved);
+  EXPECT_MPC_ERROR(SegmentTake(ReadTake(folder()), out_ / "again"), kFileNotFound, "clip.mp4");
+  EXPECT_TRUE(SegmentTake(ReadTake(folder(), moved), out_ / "again").complete);
+}
+
+}  // namespace
+}  // namespace mpc

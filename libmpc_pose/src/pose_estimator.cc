@@ -24,6 +24,7 @@ constexpr double kSwapFactor = 1.5;
 // Share of w_d inside the subspace never quite reaches 1: coefficients stay variables of their own.
 constexpr double kMaxBandPenalty = 0.999;
 constexpr int kNumRounds = 3;
+constexpr double kRoughTolerance = 4;  // of all rounds but the last, times the options'
 
 class Stopwatch {
  public:
@@ -218,6 +219,8 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
   for (int round = 0; round < num_rounds && !track.cancelled; ++round) {
     const Eigen::MatrixXd before = track.poses;
     if (round > 0 && options.test_depth_flips) ChooseLimbs(evidence, initialization, &track.poses);
+    BatchSolveOptions solver = options.batch_solver;
+    if (round + 1 < num_rounds) solver.relative_tolerance *= kRoughTolerance;
     std::vector<Eigen::MatrixXd> solved(windows.size());
     // Groups of a few windows keep the threads busy and let the callback stop between them.
     const int group = 4 * ResolveNumThreads(options.num_threads);
@@ -228,7 +231,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
         BatchProblem problem = MakeBatch(evidence, initialization, window);
         if (round > 0 && options.adaptive_band) AdaptBand(initialization, window, before, &problem);
         solved[first + i] = track.poses.middleCols(window.begin, window.size());
-        SolveBatch(problem, options.batch_solver, &solved[first + i]);
+        SolveBatch(problem, solver, &solved[first + i]);
       });
       if (progress) {
         const int done = round * track.num_windows + first + count;

@@ -88,8 +88,8 @@ void CheckFrameCount(const fs::path& detections, size_t num_detections, const fs
                           num_detections, video.string(), num_frames));
 }
 
-// The video's true number of frames: decodes all of them, so that a broken or variable-rate video is
-// found before any long work.
+// The video's true number of frames: decodes all of them, so that a broken or variable-rate video
+// is found before any long work.
 int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
   VideoReader video(inputs.video, inputs.image_fps);
   cv::Mat frame;

@@ -80,7 +80,7 @@ class Stage {
     return ExtractSilhouette(input, options_.segmentation);
   }
 
-  // Size of an actor that the picture cuts off, seen in a wider picture; 0 for one that it does not.
+  // Size of an actor that the picture cuts off, as a wider picture shows it; 0 for any other.
   double CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const {
     const Camera& camera = clip_.camera;
     const cv::Rect bounds = ProjectedBounds(camera, vertices);

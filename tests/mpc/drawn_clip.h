@@ -1,4 +1,4 @@
-// Purpose: a tiny clip that shows its actor: pictures, true masks, and poses that are a little wrong.
+// Purpose: a tiny clip that shows its actor: pictures, true masks, poses that are a little wrong.
 // Frames: poses in the camera frame. Units: metres. Symbols: F frames.
 #pragma once
 

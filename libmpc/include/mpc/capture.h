@@ -78,9 +78,10 @@ class Capture {
   Capture& operator=(const Capture&) = delete;
 
   // Writes performance.glb, motion.bvh, joints.trc, poses.json, masks.mp4, overlay.mp4 and, last,
-  // report.json, each file whole or not at all. A progress callback that returns false ends the work: files that are
-  // finished stay, and the report says "complete": false. Memory does not grow with the video's
-  // pictures. Throws Error (kWriteFailed, kBadFile for a video that breaks off).
+  // report.json, each file whole or not at all. A progress callback that returns false ends the
+  // work: files that are finished stay, and the report says "complete": false. Memory does not grow
+  // with the video's pictures. Throws Error (kWriteFailed, kBadFile for a video that breaks off,
+  // kMismatch for masks of another number of frames).
   CaptureReport Run(const ProgressCallback& progress = {});
 
  private:

@@ -4,5 +4,5 @@
 #include "mpc/capture.h"
 #include "mpc/core/error.h"
 #include "mpc/silhouettes.h"
-#include "mpc/take.h"
 #include "mpc/skeleton/world.h"
+#include "mpc/take.h"

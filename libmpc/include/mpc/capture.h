@@ -29,8 +29,8 @@ struct CaptureInputs {
   std::filesystem::path detections3d;  // the same; empty: 2D only
   // Masks of the person, as many as the video has frames: a video, or a folder of pictures in the
   // order of their names, white (above 127) inside.
-  std::filesystem::path masks;       // used in place of extracted silhouettes; empty: none
-  std::filesystem::path true_masks;  // only compared with the silhouettes; empty: none
+  std::filesystem::path masks = {};       // used in place of extracted silhouettes; empty: none
+  std::filesystem::path true_masks = {};  // only compared with the silhouettes; empty: none
 };
 
 struct CaptureOptions {

@@ -44,7 +44,9 @@ TEST_F(SyntheticTest, WithoutNoiseDetectionsAreTheTruth) {
   ASSERT_EQ(perfect.joints.size(), 16u);
   for (int f : {0, 17, 599}) {
     const Eigen::Matrix3Xd truth = perfect.truth.col(f).reshaped(3, 16);
-    const Eigen::Matrix3d camera_from_ray = CameraFromRay(truth.rowwise().mean());
+    const Eigen::Vector3d hips = 0.5 * (truth.col(static_cast<int>(JointId::kLeftHip)) +
+                                        truth.col(static_cast<int>(JointId::kRightHip)));
+    const Eigen::Matrix3d camera_from_ray = CameraFromRay(hips);
     const Eigen::Matrix3Xd seen = camera_from_ray * perfect.detections3d.frames[f].positions;
     for (int j = 0; j < 16; ++j) {
       Eigen::Vector2d pixel;

@@ -58,7 +58,7 @@ struct SyntheticDetections {
 };
 
 // Detections of the 16 joints of poses in the camera frame. Joints outside the picture or behind
-// the camera have no 2D detection. The ray of a frame passes through the mean of its joints. Same
+// the camera have no 2D detection. The ray of a frame passes through the middle of the hips. Same
 // arguments, same bytes. Throws Error (kInvalidArgument) for wrong sizes or noise.
 SyntheticDetections SynthesizeDetections(const Skeleton& skeleton,
                                          const Eigen::MatrixXd& poses_in_camera,

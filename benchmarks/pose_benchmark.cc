@@ -115,8 +115,7 @@ class NaiveSmoothness {
       : weights_(problem.smoothness.cwiseSqrt()), directions_(kFrames, kFrames) {
     // The shares are the same for every dof here.
     const Eigen::VectorXd shares = problem.band_penalty.row(0);
-    directions_ << shares.cwiseSqrt().asDiagonal() * problem.basis,
-        BasisComplement(problem.basis);
+    directions_ << shares.cwiseSqrt().asDiagonal() * problem.basis, BasisComplement(problem.basis);
   }
 
   template <typename T>

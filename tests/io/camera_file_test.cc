@@ -88,5 +88,41 @@ TEST(CameraFileTest, NamesTheFaultInABrokenFile) {
   EXPECT_MPC_ERROR(ReadCameras(broken("0.03]", "0.03, 0.1]")), kUnsupported, "distortion");
 }
 
+TEST(CameraFileTest, MovingCameraRoundTrip) {
+  const testing::TempDir dir;
+  const std::string fixed = dir.Write("c.json", File(kFull)).string();
+  EXPECT_TRUE(ReadCameraMotion(fixed).empty());
+  const Camera camera = ReadCamera(fixed);
+  std::vector<CameraFromWorld> motion;
+  for (int f = 0; f < 3; ++f) {
+    motion.push_back({ExpSO3({0.1 * f, 0.2, -0.3 * f}), Eigen::Vector3d(f, 2, 3)});
+  }
+  const std::string moving = (dir / "d.json").string();
+  WriteMovingCamera(moving, camera, motion);
+  const std::vector<CameraFromWorld> read = ReadCameraMotion(moving + ":left");
+  ASSERT_EQ(read.size(), 3u);
+  for (size_t f = 0; f < 3; ++f) {
+    EXPECT_EQ(read[f].rotation, motion[f].rotation);
+    EXPECT_EQ(read[f].translation, motion[f].translation);
+  }
+  EXPECT_EQ(ReadCamera(moving).camera_from_world.rotation, motion[0].rotation);
+  EXPECT_MPC_ERROR(WriteMovingCamera(moving, camera, {}), kInvalidArgument, "without any frame");
+}
+
+TEST(CameraFileTest, NamesTheFaultInABrokenMotion) {
+  const testing::TempDir dir;
+  const auto motion = [&](const std::string& frames) {
+    std::string text = kPlain;
+    text.replace(text.rfind('}'), 1, ", \"frames\": " + frames + "}");
+    return ReadCameraMotion(dir.Write("c.json", File(text)).string());
+  };
+  const std::string good = R"({"R": [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [1, 2, 3]})";
+  EXPECT_EQ(motion("[" + good + "," + good + "]").size(), 2u);
+  EXPECT_MPC_ERROR(motion("[]"), kBadFile, "no frame");
+  EXPECT_MPC_ERROR(motion("[" + good + ", {}]"), kBadFile, "frames[1]");
+  EXPECT_MPC_ERROR(motion(R"([{"R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]], "t": [1, 2, 3]}])"),
+                   kBadFile, "frames[0]");
+}
+
 }  // namespace
 }  // namespace mpc

@@ -19,6 +19,15 @@ std::vector<Camera> ReadCameras(const std::filesystem::path& path);
 // (kInvalidArgument) listing the names when the name is missing or unknown.
 Camera ReadCamera(const std::string& spec);
 
+// Where a moving camera is in each frame of its video: the member "frames" of the camera that `spec`
+// names as in ReadCamera. Empty for a camera that does not move. Throws as ReadCamera.
+std::vector<CameraFromWorld> ReadCameraMotion(const std::string& spec);
+
+// Writes one moving camera: its own R and t are those of the first of `motion`, which must not be
+// empty. Throws as WriteCameras.
+void WriteMovingCamera(const std::filesystem::path& path, const Camera& camera,
+                       const std::vector<CameraFromWorld>& motion);
+
 // Writes all cameras, those with extrinsics with R and t. Throws Error: kInvalidArgument for a
 // camera that does not validate, kWriteFailed.
 void WriteCameras(const std::filesystem::path& path, const std::vector<Camera>& cameras);

@@ -37,7 +37,7 @@ std::uint64_t FrameBytes(int num_vertices) {
 }  // namespace
 
 struct Pc2Writer::Impl {
-  explicit Impl(const std::filesystem::path& path) : path(path), file(path) {}
+  explicit Impl(const std::filesystem::path& target) : path(target), file(target) {}
 
   void Check() const {
     if (stream) return;

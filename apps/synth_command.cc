@@ -16,7 +16,7 @@
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
 #include "mpc/eval/motions.h"
-#include "mpc/eval/procedural_actor.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/synthetic.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
@@ -142,7 +142,7 @@ void WriteTruth(const fs::path& path, const mpc::Skeleton& skeleton, const Eigen
 int Run(const Arguments& arguments) {
   std::error_code ec;
   fs::create_directories(arguments.output, ec);
-  const mpc::RigAsset rig = mpc::ProceduralActor();
+  const mpc::RigAsset rig = mpc::MakeDressedActor().rig;
   mpc::WriteRigGltf(arguments.output / "actor.glb", rig);
   const mpc::Character character = mpc::BuildCharacter(rig, mpc::MapRigByNames(rig));
   const Eigen::MatrixXd poses = mpc::MakeMotion(character.skeleton, FindMotion(arguments.motion),

@@ -21,7 +21,7 @@ bool ArapEnergy::Evaluate(const WarpField& at, int block, double* r,
   const Eigen::Vector3d turned = Lever(at, block);
   const Eigen::Vector3d stretch =
       levers_[block] + at.translations.col(i) - at.translations.col(j) - turned;
-  Eigen::Map<Eigen::Vector3d>(r) = scale_ * stretch;
+  Eigen::Vector3d::Map(r) = scale_ * stretch;
   if (jacobian == nullptr) return true;
   jacobian->setZero(3, 12);
   // -d (exp(omega) turned) = turned x omega.

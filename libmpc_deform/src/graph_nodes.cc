@@ -121,8 +121,8 @@ std::vector<int> Components(int num_vertices, const Triangles& triangles) {
   };
   for (Eigen::Index t = 0; t < triangles.cols(); ++t) {
     for (int c = 1; c < 3; ++c) {
-      const auto [low, high] = std::minmax(root(triangles(0, t)), root(triangles(c, t)));
-      parent[high] = low;
+      const int a = root(triangles(0, t)), b = root(triangles(c, t));
+      parent[std::max(a, b)] = std::min(a, b);
     }
   }
   for (int v = 0; v < num_vertices; ++v) parent[v] = root(v);

@@ -1,11 +1,9 @@
-// Purpose: the normal equations of E_surf at a point and their solution by conjugate gradients.
-// Private to SolveSurface.
-// Units: unknowns are rad and m. Symbols: M nodes. Vectors are 4 x 2M in float: columns 2i and
-// 2i + 1 hold rotation and translation of node i, with a zero below, so that SIMD needs no mask.
+// Purpose: the normal equations of E_surf at a point and their solution by conjugate gradients; the
+// inside of SolveSurface.
+// Units: unknowns in rad and m. Symbols: M nodes.
 #pragma once
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <vector>
 
 #include "mpc/deform/surface_solver.h"
@@ -14,32 +12,43 @@ namespace mpc {
 
 class SurfaceStep {
  public:
-  explicit SurfaceStep(const DeformationGraph* unused) = delete;
-  explicit SurfaceStep(int num_nodes);
+  explicit SurfaceStep(const SurfaceProblem& problem);
 
-  // Linearises. False outside the energies' domain.
-  bool Linearize(const SurfaceProblem& problem, const WarpField& at);
+  // Gradient J^T r and the parts of J^T J at a point. False outside the energies' domain.
+  bool Linearize(const WarpField& at);
 
-  // The step (6 x M, rad and m) that minimises the linearised cost plus `damping` times each
-  // block's own scale.
-  const Eigen::Matrix<double, 6, Eigen::Dynamic>& Solve(double damping);
+  // Where the linearised cost plus `damping` times each block's own scale is least, to the
+  // accuracy of some conjugate gradients.
+  WarpField Step(const WarpField& from, double damping);
 
  private:
-  using Packed = Eigen::Matrix<float, 4, Eigen::Dynamic>;
+  using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Block = Eigen::Matrix<double, 6, 6>;
+  // Columns of floats that end in a zero, so that SIMD takes them as they are. A vector of unknowns
+  // has two columns per node: rotation, translation.
+  using Packed = Eigen::Matrix<float, 4, Eigen::Dynamic>;
 
-  template <typename Energy>
-  bool Add(const Energy& energy, const WarpField& at);
-  void SetPreconditioner(double damping);
-  void Precondition(const Packed& in, Packed* out) const;
-  void Multiply(const Packed& in, Packed* out) const;
+  void AddArap(const WarpField& at);
+  bool AddContour(const WarpField& at);
+  void AddDepthDrift(const WarpField& at);
+  void Damp(double damping);
+  void Multiply(const Packed& x, Packed* product) const;
+  void Precondition(const Packed& x, Packed* product) const;
+  void SolveInner();
 
-  int num_nodes_;
-  Eigen::Matrix<double, 6, Eigen::Dynamic> gradient_;  // J^T r
-  std::vector<Block> diagonal_;                        // of J^T J
-  // E_arap: levers of the directed edges (i, j) and (j, i), times the residuals' factor.
-  std::vector<int> edge_begin_, edge_end_node_;
-  Packed levers_;
+  const SurfaceProblem& problem_;
+  std::vector<int> edge_begin_;                        // M+1: directed edges (i, j) by i
+  std::vector<int> row_begin_;                         // of E_con
+  Eigen::Matrix<double, 6, Eigen::Dynamic> gradient_;  // 6xM
+  // The 6x6 blocks on the diagonal of J^T J: all of it, and without E_con, which Multiply applies
+  // row by row.
+  std::vector<Block> diagonal_, smooth_diagonal_;
+
+  Packed edge_levers_;  // 2 columns per edge: scale^2 R_i (g^_i - g^_j) and the same of (j, i)
+  Packed row_blocks_;   // 2 columns per node of a row
+  Packed own_blocks_;   // 7 columns per node: rotation 3, translation 3, sum of its levers
+  Packed inverses_;     // 12 columns per node: of diagonal_, damped
+  Packed step_, residual_, direction_, product_, preconditioned_;
 };
 
 }  // namespace mpc

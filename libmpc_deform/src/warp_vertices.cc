@@ -38,8 +38,8 @@ void WarpVertices(const DeformationGraph& graph, const WarpField& field,
     for (Eigen::Index k = 0; k < graph.weights.rows() && graph.weights(k, v) > 0; ++k) {
       move += graph.weights(k, v) * moves[graph.influences(k, v)];
     }
-    const Eigen::Vector4f moved = move * posed.col(v).homogeneous();
-    warped->col(v) = posed.col(v) + moved.head<3>();
+    const Eigen::Vector4f x(posed(0, v), posed(1, v), posed(2, v), 1);
+    warped->col(v) = posed.col(v) + (move * x).head<3>();
   }
 }
 

@@ -36,28 +36,21 @@ struct SurfaceProblem {
   double Cost(const WarpField& at) const;
 };
 
-struct SurfaceSolveOptions {
-  int max_iterations = 12;
-  double relative_tolerance = 1e-3;  // stop when a step lowers the cost by less
-};
-
-struct SurfaceSummary {
-  bool converged = false;  // else the iterations ran out, no step helps, or the start is no good
+struct SurfaceSolve {
+  bool failed = false;  // the start lies outside the energies' domain; the field is as it was
   double initial_cost = 0;
   double final_cost = 0;
-  int iterations = 0;
-  double seconds = 0;
+  int steps = 0;
 };
 
-// Improves `field` (of num_nodes nodes): Gauss-Newton steps by conjugate gradients in float with the
-// inverse 6x6 blocks as preconditioner, taken only when they lower the cost (in double). A start
-// outside the domain comes back as it is. Single-threaded; the same input gives the same bits.
-SurfaceSummary SolveSurface(const SurfaceProblem& problem, const SurfaceSolveOptions& options,
-                            WarpField* field);
-
-// The same minimum by Ceres with a sparse Cholesky factorisation: the oracle of the tests, some
-// fifty times slower.
-SurfaceSummary SolveSurfaceCeres(const SurfaceProblem& problem, const SurfaceSolveOptions& options,
-                                 WarpField* field);
+// Both improve `field` (of num_nodes nodes), never making it worse, and stop when a step lowers the
+// cost by less than relative_tolerance. SolveSurface: Gauss-Newton steps by conjugate gradients in
+// float with the inverse 6x6 blocks as preconditioner; costs and gradients in double.
+// SolveSurfaceCeres: a sparse Cholesky factorisation, the oracle, many times slower. Both are
+// single-threaded and give the same bits for the same input.
+SurfaceSolve SolveSurface(const SurfaceProblem& problem, double relative_tolerance, int max_steps,
+                          WarpField* field);
+SurfaceSolve SolveSurfaceCeres(const SurfaceProblem& problem, double relative_tolerance,
+                               int max_steps, WarpField* field);
 
 }  // namespace mpc

@@ -1,0 +1,95 @@
+#include "mpc/deform/surface_refinement.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "mpc/core/error.h"
+#include "mpc/deform/surface_solver.h"
+
+namespace mpc {
+
+SurfaceRefinementOptions SurfaceRefinementOptions::Paper() {
+  SurfaceRefinementOptions options;
+  options.depth_drift_weight = 0;
+  options.correspondences = CorrespondenceOptions::Paper();
+  return options;
+}
+
+void SurfaceRefinementOptions::Validate() const {
+  correspondences.Validate();
+  std::string faults;
+  const auto check = [&](bool good, const char* name, double value, const char* expected) {
+    if (!good) faults += fmt::format("; {} is {}, expected {}", name, value, expected);
+  };
+  check(!arap_weights.empty(), "number of arap_weights", 0, "at least 1");
+  for (const double weight : arap_weights) {
+    check(weight > 0 && std::isfinite(weight), "arap_weights", weight, "positive numbers");
+  }
+  check(depth_drift_weight >= 0 && std::isfinite(depth_drift_weight), "depth_drift_weight",
+        depth_drift_weight, "0 or more");
+  check(relative_tolerance > 0 && relative_tolerance < 1, "relative_tolerance", relative_tolerance,
+        "0 to 1");
+  check(max_steps >= 1, "max_steps", max_steps, "1 or more");
+  if (!faults.empty()) {
+    throw Error(ErrorCode::kInvalidArgument, "surface refinement: " + faults.substr(2));
+  }
+}
+
+SurfaceRefiner::SurfaceRefiner(const Character& character, DeformationGraph graph,
+                               const SurfaceRefinementOptions& options)
+    : graph_(std::move(graph)),
+      options_(options),
+      topology_(SurfaceTopology::FromMesh(character.mesh)),
+      parts_(character) {
+  options_.Validate();
+  if (graph_.num_vertices() != character.mesh.positions.cols()) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("surface refinement: a graph of {} vertices for a mesh of {}",
+                            graph_.num_vertices(), character.mesh.positions.cols()));
+  }
+}
+
+SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matrix3Xf& posed,
+                                         const Contour2d& silhouette,
+                                         CorrespondenceScratch* scratch) const {
+  if (posed.cols() != graph_.num_vertices()) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("surface refinement: {} vertices, the mesh has {}", posed.cols(),
+                            graph_.num_vertices()));
+  }
+  SurfaceRefinement result;
+  result.vertices = posed;
+  result.field = WarpField::Identity(graph_.num_nodes());
+  const ContourIndex index = IndexSilhouette(silhouette, camera);
+  if (index.contour().points.cols() == 0) return result;
+  for (const double arap_weight : options_.arap_weights) {
+    const Correspondences correspondences = FindCorrespondences(
+        camera, result.vertices, topology_, parts_, index, options_.correspondences, scratch);
+    if (correspondences.size() == 0) {
+      if (result.state != RefinementState::kRefined) {
+        result.state = correspondences.num_boundary == 0 ? RefinementState::kNoModel
+                                                         : RefinementState::kNoMatch;
+      }
+      break;
+    }
+    const SurfaceProblem problem(camera, graph_, posed, correspondences,
+                                 {arap_weight, options_.depth_drift_weight});
+    const SurfaceSolve solve = SolveSurface(problem, options_.relative_tolerance,
+                                            options_.max_steps, &result.field);
+    if (result.state != RefinementState::kRefined) {
+      result.state = RefinementState::kRefined;
+      result.support =
+          static_cast<double>(correspondences.size()) / correspondences.num_boundary;
+      result.cost_before = solve.initial_cost;
+    }
+    result.cost_after = solve.final_cost;
+    result.num_steps += solve.steps;
+    WarpVertices(graph_, result.field, posed, &result.vertices);
+  }
+  return result;
+}
+
+}  // namespace mpc

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -23,14 +24,20 @@ struct Arguments {
   int num_threads = 0;
   bool no_overlay = false;
   bool no_masks = false;
+  std::string refine = "surface";
   bool quiet = false;
 };
+
+const std::map<std::string, mpc::RefinementLevel> kLevels = {
+    {"none", mpc::RefinementLevel::kNone},
+    {"pose", mpc::RefinementLevel::kPose},
+    {"surface", mpc::RefinementLevel::kSurface}};
 
 mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   mpc::CaptureOptions options;
   if (arguments.preset == "paper") {
     options.pose = mpc::PoseOptions::Paper();
-    options.silhouettes = mpc::SilhouetteOptions::Paper();
+    options.refinement = mpc::ClipRefinementOptions::Paper();
   }
   if (!arguments.fit_proportions.empty()) {
     options.pose.fit_proportions = arguments.fit_proportions == "auto";
@@ -39,6 +46,7 @@ mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   options.height_m = arguments.height_m;
   options.overlay = !arguments.no_overlay;
   options.masks = !arguments.no_masks;
+  options.refinement.frames.level = kLevels.at(arguments.refine);
   return options;
 }
 
@@ -57,7 +65,7 @@ void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) 
                                 arguments.output, files, report.num_frames, report.fps,
                                 num_seen > 0 ? residual_px / num_seen : 0.0, num_seen)
                         .c_str());
-  std::printf("%s", SilhouetteSummary(report.silhouettes).c_str());
+  std::printf("%s", RefinementSummary(report.refinement).c_str());
 }
 
 int Run(const Arguments& arguments) {
@@ -112,9 +120,13 @@ Command AddCaptureCommand(CLI::App* parent) {
   CLI::Option* const true_masks =
       app->add_option("--true-masks", inputs.true_masks,
                       "Masks to compare the silhouettes with: a video, or a folder of pictures");
-  app->add_flag("--no-masks", arguments->no_masks, "Do not find silhouettes nor make masks.mp4")
+  app->add_flag("--no-masks", arguments->no_masks, "Find no silhouettes, and refine nothing")
       ->excludes(masks)
       ->excludes(true_masks);
+  app->add_option("--refine", arguments->refine,
+                  "What is fitted to the silhouettes: nothing, the pose, or pose and surface")
+      ->check(CLI::IsMember({"none", "pose", "surface"}))
+      ->capture_default_str();
   app->add_flag("--no-overlay", arguments->no_overlay, "Do not make overlay.mp4");
   app->add_flag("--quiet", arguments->quiet, "No progress");
   return {app, [arguments] { return Run(*arguments); }};

@@ -125,8 +125,8 @@ void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings
 // Results of a camera that moves unnoticed are right in its own frame only.
 void AddCameraMotionWarning(CaptureReport* report) {
   const auto num_moving =
-      std::count_if(report->silhouettes.begin(), report->silhouettes.end(),
-                    [](const SilhouetteRecord& record) { return record.camera_motion; });
+      std::count_if(report->refinement.begin(), report->refinement.end(),
+                    [](const RefinementRecord& r) { return r.silhouette.camera_motion; });
   if (num_moving * 10 < report->num_frames) return;
   report->warnings.push_back(fmt::format(
       "the camera moves in {} of {} frames and where it is was not given (\"frames\" of the camera "
@@ -138,7 +138,7 @@ void AddCameraMotionWarning(CaptureReport* report) {
 
 void CaptureOptions::Validate() const {
   pose.Validate();
-  silhouettes.Validate();
+  refinement.Validate();
   if (!(height_m >= 0 && height_m < 1000)) {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("height_m is {}, expected 0 or a height in metres", height_m));
@@ -192,9 +192,10 @@ Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
   loaded_ = std::make_unique<Inputs>(inputs_, options_);
   const std::array inputs_to_keep = {inputs_.video,        inputs_.actor, inputs_.detections2d,
                                      inputs_.detections3d, inputs_.masks, inputs_.true_masks};
-  internal::PrepareOutput(output_, inputs_to_keep,
-                          std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName,
-                                     internal::kMasksName, kOverlayName, kReportName});
+  internal::PrepareOutput(
+      output_, inputs_to_keep,
+      std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName, internal::kMasksName,
+                 internal::kSurfaceName, kOverlayName, kReportName});
 }
 
 Capture::~Capture() = default;
@@ -234,18 +235,16 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
 
   // A report of an earlier run must not vouch for the files of this one.
   std::error_code ec;
-  fs::remove(output_ / kReportName, ec);
-  fs::remove(output_ / internal::kMasksName, ec);
-  fs::remove(output_ / kOverlayName, ec);
+  for (const char* name :
+       {kReportName, internal::kMasksName, internal::kSurfaceName, kOverlayName}) {
+    fs::remove(output_ / name, ec);
+  }
   const internal::Performance performance = {
       rig, character, report.camera, report.track.poses, report.world, report.fps};
-  timed("files", [&] {
+  const auto write_motion = [&] {
     internal::WritePerformanceGltf(output_ / kGltfName, inputs_.actor, performance);
-    report.outputs.push_back(kGltfName);
     internal::WriteMotionBvh(output_ / kBvhName, performance);
-    report.outputs.push_back(kBvhName);
     internal::WriteJointsTrc(output_ / kTrcName, performance);
-    report.outputs.push_back(kTrcName);
     WritePoses(output_ / internal::kPosesName, {.video = fs::absolute(inputs_.video),
                                                 .image_fps = inputs_.image_fps,
                                                 .actor = fs::absolute(inputs_.actor),
@@ -255,10 +254,13 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                                                 .camera = report.camera,
                                                 .dofs = internal::DofNames(character.skeleton),
                                                 .poses = report.track.poses});
-    report.outputs.push_back(internal::kPosesName);
-  });
+  };
+  // Before the refinement: whatever ends that, the motion is there.
+  timed("files", write_motion);
+  report.outputs = {kGltfName, kBvhName, kTrcName, internal::kPosesName};
+  bool has_surface = false;
   if (options_.masks && report.complete) {
-    timed("silhouettes", [&] {
+    timed("refinement", [&] {
       const PosedClip clip = {.video = inputs_.video,
                               .image_fps = inputs_.image_fps,
                               .camera = report.camera,
@@ -266,21 +268,32 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                               .poses = report.track.poses,
                               .masks = inputs_.masks,
                               .true_masks = inputs_.true_masks};
-      SilhouetteOptions silhouettes = options_.silhouettes;
-      silhouettes.num_threads = num_threads;
-      report.silhouettes = internal::WriteMasks({.video = output_ / internal::kMasksName},
-                                                report.fps, clip, silhouettes, progress);
-      report.complete = report.silhouettes.size() == static_cast<size_t>(report.num_frames);
-      if (report.complete) report.outputs.push_back(internal::kMasksName);
-      internal::AddSilhouetteWarnings(report.silhouettes, &report.warnings);
-      if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
+      ClipRefinementOptions options = options_.refinement;
+      options.silhouettes.num_threads = num_threads;
+      ClipRefinement refinement =
+          internal::WriteRefinement(output_, report.world, report.fps, clip, options, progress);
+      report.refinement = std::move(refinement.frames);
+      report.complete = report.refinement.size() == static_cast<size_t>(report.num_frames);
+      if (!report.complete) return;
+      report.track.poses = std::move(refinement.poses);
+      report.outputs.push_back(internal::kMasksName);
+      has_surface = options.frames.level == RefinementLevel::kSurface;
+      if (has_surface) report.outputs.push_back(internal::kSurfaceName);
+      if (options.frames.level != RefinementLevel::kNone) write_motion();
     });
+    internal::AddRefinementWarnings(report.refinement, &report.warnings);
+    if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
   }
   if (options_.overlay && report.complete) {
     timed("overlay", [&] {
       const internal::OverlayScene scene = {
-          character, report.camera, loaded_->detections2d, report.track,
-          options_.masks ? output_ / internal::kMasksName : fs::path()};
+          character,
+          report.camera,
+          loaded_->detections2d,
+          report.track,
+          report.world,
+          options_.masks ? output_ / internal::kMasksName : fs::path(),
+          has_surface ? output_ / internal::kSurfaceName : fs::path()};
       report.complete = internal::WriteOverlay(output_ / kOverlayName,
                                                VideoReader(inputs_.video, inputs_.image_fps), scene,
                                                num_threads, progress);

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "mpc/io/mask_file.h"
+#include "mpc/io/pc2.h"
 #include "overlay.h"
 
 namespace mpc::internal {
@@ -33,6 +34,45 @@ std::vector<SilhouetteRecord> WriteMasks(const MaskOutputs& outputs, double fps,
   if (pictures) pictures->Close();
   if (overlay) overlay->Close();
   return records;
+}
+
+ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldPlacement& world,
+                               double fps, const PosedClip& clip,
+                               const ClipRefinementOptions& options,
+                               const ProgressCallback& progress) {
+  MaskVideoWriter masks(output / kMasksName, clip.camera.width, clip.camera.height, fps);
+  std::optional<Pc2Writer> surface;
+  if (options.frames.level == RefinementLevel::kSurface) {
+    surface.emplace(output / kSurfaceName, static_cast<int>(clip.character.mesh.positions.cols()));
+  }
+  const auto write = [&](const RefinedFrame& frame) {
+    masks.Write(frame.silhouette);
+    if (!surface) return;
+    const Rigid<SceneFrame, CameraFrame> scene_from_camera = world.SceneFromCamera(frame.index);
+    surface->Write((scene_from_camera.rotation.cast<float>() * frame.vertices).colwise() +
+                   scene_from_camera.translation.cast<float>());
+  };
+  ClipRefinement refinement = RefineClip(clip, options, write, progress);
+  if (static_cast<Eigen::Index>(refinement.frames.size()) < clip.poses.cols()) return refinement;
+  masks.Close();
+  if (surface) surface->Close();
+  return refinement;
+}
+
+void AddRefinementWarnings(const std::vector<RefinementRecord>& records,
+                           std::vector<std::string>* warnings) {
+  std::vector<SilhouetteRecord> silhouettes;
+  int num_unmatched = 0;
+  for (const RefinementRecord& record : records) {
+    silhouettes.push_back(record.silhouette);
+    num_unmatched += record.pose_state == RefinementState::kNoMatch ? 1 : 0;
+  }
+  AddSilhouetteWarnings(silhouettes, warnings);
+  if (num_unmatched > 0) {
+    warnings->push_back(
+        fmt::format("{} of {} poses do not fit their silhouettes and were not refined",
+                    num_unmatched, records.size()));
+  }
 }
 
 void AddSilhouetteWarnings(const std::vector<SilhouetteRecord>& records,

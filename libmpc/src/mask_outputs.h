@@ -1,16 +1,20 @@
-// Purpose: silhouettes as files: masks.mp4, PNGs, the outline over the video.
+// Purpose: silhouettes and surfaces as files: masks.mp4, PNGs, the outline over the video,
+// surface.pc2.
 #pragma once
 
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "mpc/refinement.h"
 #include "mpc/silhouettes.h"
+#include "mpc/skeleton/world.h"
 
 namespace mpc::internal {
 
 inline constexpr const char* kMasksName = "masks.mp4";
 inline constexpr const char* kMaskFolderName = "masks";
+inline constexpr const char* kSurfaceName = "surface.pc2";
 
 struct MaskOutputs {
   std::filesystem::path video;
@@ -24,7 +28,17 @@ std::vector<SilhouetteRecord> WriteMasks(const MaskOutputs& outputs, double fps,
                                          const PosedClip& clip, const SilhouetteOptions& options,
                                          const ProgressCallback& progress);
 
+// Refines, and writes masks.mp4 and, when the surface is refined, surface.pc2 (scene frame) into
+// `output`. When the callback stops the work there are fewer records than poses and none of the
+// files. Throws Error as RefineClip, and kWriteFailed.
+ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldPlacement& world,
+                               double fps, const PosedClip& clip,
+                               const ClipRefinementOptions& options,
+                               const ProgressCallback& progress);
+
 // What a user should look at.
+void AddRefinementWarnings(const std::vector<RefinementRecord>& records,
+                           std::vector<std::string>* warnings);
 void AddSilhouetteWarnings(const std::vector<SilhouetteRecord>& records,
                            std::vector<std::string>* warnings);
 

@@ -7,6 +7,7 @@
 
 #include "mpc/core/thread_pool.h"
 #include "mpc/io/mask_file.h"
+#include "mpc/io/pc2.h"
 #include "mpc/render/draw.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skinning.h"
@@ -14,13 +15,27 @@
 namespace mpc::internal {
 namespace {
 
-void DrawFrame(const OverlayScene& scene, int f, const cv::Mat& mask, cv::Mat* picture) {
+struct OverlayFrame {
+  cv::Mat picture;
+  cv::Mat mask;              // empty: no outline
+  Eigen::Matrix3Xf surface;  // in the scene; empty: the skinned mesh
+};
+
+void DrawFrame(const OverlayScene& scene, int f, OverlayFrame* frame) {
+  cv::Mat* const picture = &frame->picture;
   KinematicState state;
   ForwardKinematics(scene.character.skeleton, scene.track.poses.col(f), &state);
   Eigen::Matrix3Xf vertices;
-  SkinCharacter(scene.character, state, &vertices);
+  if (frame->surface.cols() > 0) {
+    const Rigid<CameraFrame, SceneFrame> camera_from_scene =
+        scene.world.SceneFromCamera(f).Inverse();
+    vertices = (camera_from_scene.rotation.cast<float>() * frame->surface).colwise() +
+               camera_from_scene.translation.cast<float>();
+  } else {
+    SkinCharacter(scene.character, state, &vertices);
+  }
   DrawMeshOverlay(scene.camera, vertices, scene.character.mesh.triangles, picture);
-  if (!mask.empty()) DrawOutline(mask, picture);
+  if (!frame->mask.empty()) DrawOutline(frame->mask, picture);
   const std::vector<SkeletonJoint>& joints = scene.character.skeleton.joints;
   std::vector<JointId> ids;
   for (const SkeletonJoint& joint : joints) ids.push_back(joint.id);
@@ -44,22 +59,20 @@ bool WriteOverlay(const std::filesystem::path& path, VideoReader video, const Ov
   VideoWriter writer(path, video.width(), video.height(), video.fps());
   std::optional<MaskReader> masks;
   if (!scene.masks.empty()) masks.emplace(scene.masks, video.width(), video.height());
-  struct Frame {
-    cv::Mat picture, mask;
-  };
-  std::vector<Frame> frames(static_cast<size_t>(2 * ResolveNumThreads(num_threads)));
+  std::optional<Pc2Reader> surface;
+  if (!scene.surface.empty()) surface.emplace(scene.surface);
+  std::vector<OverlayFrame> frames(static_cast<size_t>(2 * ResolveNumThreads(num_threads)));
   for (int begin = 0; begin < num_frames;) {
     int count = 0;
     while (count < static_cast<int>(frames.size()) && begin + count < num_frames &&
            video.Read(&frames[static_cast<size_t>(count)].picture)) {
       if (masks) masks->Read(&frames[static_cast<size_t>(count)].mask);
+      if (surface) surface->Read(begin + count, &frames[static_cast<size_t>(count)].surface);
       ++count;
     }
     if (count == 0) break;  // the reader tolerates a frame less than the file says
-    ParallelFor(count, num_threads, [&](int i) {
-      Frame& frame = frames[static_cast<size_t>(i)];
-      DrawFrame(scene, begin + i, frame.mask, &frame.picture);
-    });
+    ParallelFor(count, num_threads,
+                [&](int i) { DrawFrame(scene, begin + i, &frames[static_cast<size_t>(i)]); });
     for (int i = 0; i < count; ++i) writer.Write(frames[static_cast<size_t>(i)].picture);
     begin += count;
     if (progress && !progress({"overlay", begin, num_frames})) return false;

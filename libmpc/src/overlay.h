@@ -9,6 +9,7 @@
 #include "mpc/io/video.h"
 #include "mpc/pose/pose_estimator.h"
 #include "mpc/skeleton/character.h"
+#include "mpc/skeleton/world.h"
 
 namespace mpc::internal {
 
@@ -17,7 +18,10 @@ struct OverlayScene {
   const Camera& camera;
   const Detections2d& detections;
   const PoseTrack& track;
-  std::filesystem::path masks;  // masks.mp4 of the same capture; empty: no outlines
+  const WorldPlacement& world;
+  // Of the same capture; empty: no outlines, and the skinned mesh.
+  std::filesystem::path masks;
+  std::filesystem::path surface;
 };
 
 // The outline of a mask (CV_8UC1) on a picture of its size.

@@ -1,6 +1,7 @@
 #include "report.h"
 
 #include <cmath>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <vector>
 
@@ -108,17 +109,26 @@ Json SilhouetteJson(const SilhouetteRecord& record) {
   return json;
 }
 
-// Over all frames that have a true mask; null without any.
-Json TrueIouJson(const std::vector<SilhouetteRecord>& records) {
-  const auto summary = [&](double SilhouetteRecord::*iou) -> Json {
-    std::vector<double> values;
-    for (const SilhouetteRecord& record : records) values.push_back(record.*iou);
-    const IouSummary all = SummarizeIou(values);
-    if (all.num_frames == 0) return nullptr;
-    return {{"mean", all.mean}, {"worst_decile", all.worst_decile}, {"frames", all.num_frames}};
-  };
-  return {{"silhouettes", summary(&SilhouetteRecord::true_iou)},
-          {"model", summary(&SilhouetteRecord::model_true_iou)}};
+Json RefinementJson(const RefinementRecord& record) {
+  Json json = {{"pose", RefinementStateName(record.pose_state)},
+               {"pose_support", Rounded(record.pose_support, 1e-3)},
+               {"surface", RefinementStateName(record.surface_state)},
+               {"surface_support", Rounded(record.surface_support, 1e-3)}};
+  if (std::isfinite(record.surface_true_iou)) {
+    json["batch_true_iou"] = Rounded(record.batch_true_iou, 1e-4);
+    json["surface_true_iou"] = Rounded(record.surface_true_iou, 1e-4);
+  }
+  return json;
+}
+
+// Over all frames that have a true mask; null without any. `iou` gives that of a record.
+template <typename Record, typename Iou>
+Json TrueIouJson(const std::vector<Record>& records, const Iou& iou) {
+  std::vector<double> values;
+  for (const Record& record : records) values.push_back(iou(record));
+  const IouSummary all = SummarizeIou(values);
+  if (all.num_frames == 0) return nullptr;
+  return {{"mean", all.mean}, {"worst_decile", all.worst_decile}, {"frames", all.num_frames}};
 }
 
 // File names need not be UTF-8; what is not is replaced rather than refused.
@@ -157,14 +167,25 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   }
   json["seconds"] = std::move(timings);
   json["num_windows"] = report.track.num_windows;
-  if (!inputs.true_masks.empty()) json["true_iou"] = TrueIouJson(report.silhouettes);
+  if (!inputs.true_masks.empty()) {
+    const auto summary = [&](const auto& iou) { return TrueIouJson(report.refinement, iou); };
+    using Record = RefinementRecord;
+    json["true_iou"] = {
+        {"silhouettes", summary([](const Record& r) { return r.silhouette.true_iou; })},
+        {"batch", summary([](const Record& r) { return r.batch_true_iou; })},
+        {"model", summary([](const Record& r) { return r.silhouette.model_true_iou; })},
+        {"surface", summary([](const Record& r) { return r.surface_true_iou; })}};
+  }
   Json joints = Json::array();
   for (const SkeletonJoint& joint : report.skeleton.joints) joints.push_back(JointName(joint.id));
   json["joints"] = std::move(joints);
   Json frames = Json::array();
   for (size_t f = 0; f < report.track.frames.size(); ++f) {
     Json frame = FrameJson(report.track.frames[f], static_cast<double>(f) / report.fps);
-    if (f < report.silhouettes.size()) frame["silhouette"] = SilhouetteJson(report.silhouettes[f]);
+    if (f < report.refinement.size()) {
+      frame["silhouette"] = SilhouetteJson(report.refinement[f].silhouette);
+      frame["refinement"] = RefinementJson(report.refinement[f]);
+    }
     if (f < report.world.moving_world_from_camera.size()) {
       frame["world_from_camera"] = Transform(report.world.moving_world_from_camera[f]);
     }
@@ -176,11 +197,18 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
 
 void WriteSilhouetteReport(const std::filesystem::path& path, const Take& take,
                            const SegmentReport& report) {
-  Json json = {{"format", "mpc-silhouettes"},           {"version", 1},
-               {"complete", report.complete},           {"video", take.video.string()},
-               {"actor", take.actor.string()},          {"outputs", report.outputs},
-               {"num_frames", report.frames.size()},    {"warnings", report.warnings},
-               {"true_iou", TrueIouJson(report.frames)}};
+  Json json = {
+      {"format", "mpc-silhouettes"},
+      {"version", 1},
+      {"complete", report.complete},
+      {"video", take.video.string()},
+      {"actor", take.actor.string()},
+      {"outputs", report.outputs},
+      {"num_frames", report.frames.size()},
+      {"warnings", report.warnings},
+      {"true_iou",
+       {{"silhouettes", TrueIouJson(report.frames, std::mem_fn(&SilhouetteRecord::true_iou))},
+        {"model", TrueIouJson(report.frames, std::mem_fn(&SilhouetteRecord::model_true_iou))}}}};
   Json frames = Json::array();
   for (const SilhouetteRecord& record : report.frames) frames.push_back(SilhouetteJson(record));
   json["frames"] = std::move(frames);

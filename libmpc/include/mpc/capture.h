@@ -12,7 +12,7 @@
 #include "mpc/core/camera.h"
 #include "mpc/core/progress.h"
 #include "mpc/pose/pose_estimator.h"
-#include "mpc/silhouettes.h"
+#include "mpc/refinement.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_map.h"
 #include "mpc/skeleton/world.h"
@@ -37,8 +37,8 @@ struct CaptureOptions {
   PoseOptions pose;     // its num_threads serves every stage
   double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
   bool overlay = true;  // write overlay.mp4
-  bool masks = true;    // find silhouettes and write masks.mp4
-  SilhouetteOptions silhouettes;  // its num_threads is that of `pose`
+  bool masks = true;    // find silhouettes, refine what they show, write masks.mp4
+  ClipRefinementOptions refinement;  // its num_threads is that of `pose`
 
   // Throws Error (kInvalidArgument) naming every fault.
   void Validate() const;
@@ -56,9 +56,9 @@ struct CaptureReport {
   int num_frames = 0;
   Camera camera;      // for the video's own resolution
   Skeleton skeleton;  // the actor's, with the proportions applied
-  PoseTrack track;    // poses N x F of `skeleton`
+  PoseTrack track;    // poses N x F of `skeleton`, the refined ones where there are
   WorldPlacement world;
-  std::vector<SilhouetteRecord> silhouettes;  // one per frame; empty without the stage
+  std::vector<RefinementRecord> refinement;  // one per frame; empty without the stage
   RigMap mapping;
   std::vector<std::string> rig_bones;  // names, indexed by the mapping
   double height_scale = 1;             // applied to the actor's file for height_m
@@ -77,8 +77,8 @@ class Capture {
   Capture(const Capture&) = delete;
   Capture& operator=(const Capture&) = delete;
 
-  // Writes performance.glb, motion.bvh, joints.trc, poses.json, masks.mp4, overlay.mp4 and, last,
-  // report.json, each file whole or not at all. A progress callback that returns false ends the
+  // Writes performance.glb, motion.bvh, joints.trc, poses.json, masks.mp4, surface.pc2, overlay.mp4
+  // and, last, report.json, each file whole or not at all. A progress callback that returns false ends the
   // work: files that are finished stay, and the report says "complete": false. Memory does not grow
   // with the video's pictures. Throws Error (kWriteFailed, kBadFile for a video that breaks off,
   // kMismatch for masks of another number of frames).

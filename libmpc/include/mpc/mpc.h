@@ -1,8 +1,10 @@
-// Purpose: everything most programs need: mpc::Capture, what it leaves behind, and silhouettes.
+// Purpose: everything most programs need: mpc::Capture, what it leaves behind, silhouettes
+// and refinement.
 #pragma once
 
 #include "mpc/capture.h"
 #include "mpc/core/error.h"
+#include "mpc/refinement.h"
 #include "mpc/silhouettes.h"
 #include "mpc/skeleton/world.h"
 #include "mpc/take.h"

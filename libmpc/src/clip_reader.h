@@ -1,0 +1,84 @@
+// Purpose: the pictures of a clip, with the masks that belong to them, in chunks that threads share.
+#pragma once
+
+#include <algorithm>
+#include <opencv2/core.hpp>
+#include <optional>
+#include <vector>
+
+#include "mpc/core/thread_pool.h"
+#include "mpc/io/mask_file.h"
+#include "mpc/io/video.h"
+#include "mpc/silhouettes.h"
+
+namespace mpc::internal {
+
+struct ClipFrame {
+  int index = 0;
+  cv::Mat picture;
+  cv::Mat previous;  // the picture before, for the first frame the next; empty if there is none
+  cv::Mat given;     // the user's mask; empty: none
+  cv::Mat truth;     // empty: none
+};
+
+class ClipReader {
+ public:
+  // Throws Error: kMismatch for a video of another size than the camera, and what the readers throw.
+  explicit ClipReader(const PosedClip& clip);
+
+  // Throws Error (kMismatch) when video or masks have fewer frames than the clip.
+  void Read(ClipFrame* frame);
+
+  // Throws Error (kMismatch) when they have more.
+  void ExpectEnd();
+
+ private:
+  [[noreturn]] void ThrowEnd(const std::filesystem::path& path) const;
+  [[noreturn]] void ThrowTooLong(const std::filesystem::path& path) const;
+
+  const PosedClip& clip_;
+  VideoReader video_;
+  std::optional<MaskReader> masks_;
+  std::optional<MaskReader> truth_;
+  Eigen::Index num_frames_;
+  int num_read_ = 0;
+};
+
+// At least two: the first frame looks at the second.
+inline size_t NumClipSlots(int num_threads) {
+  return static_cast<size_t>(2 * ResolveNumThreads(num_threads));
+}
+
+// Calls process(frame, slot) for all frames, several at a time, and finish(frame, slot) in their
+// order from the calling thread; slot < NumClipSlots tells which place of a chunk a frame has, and may
+// name what process leaves for finish. finish returns false to end the work early: so does this
+// function. Holds two pictures per thread.
+template <typename Process, typename Finish>
+bool ForEachClipFrame(const PosedClip& clip, int num_threads, const Process& process,
+                      const Finish& finish) {
+  ClipReader reader(clip);
+  const int num_frames = static_cast<int>(clip.poses.cols());
+  std::vector<ClipFrame> chunk(NumClipSlots(num_threads));
+  cv::Mat before;  // the last picture of the chunk before
+  for (int begin = 0; begin < num_frames;) {
+    const int count = std::min(static_cast<int>(chunk.size()), num_frames - begin);
+    for (int i = 0; i < count; ++i) reader.Read(&chunk[static_cast<size_t>(i)]);
+    for (int i = 0; i < count; ++i) {
+      ClipFrame& frame = chunk[static_cast<size_t>(i)];
+      frame.index = begin + i;
+      frame.previous = i > 0 ? chunk[static_cast<size_t>(i) - 1].picture : before;
+    }
+    if (begin == 0 && count > 1) chunk[0].previous = chunk[1].picture;
+    ParallelFor(count, num_threads,
+                [&](int i) { process(chunk[static_cast<size_t>(i)], static_cast<size_t>(i)); });
+    for (int i = 0; i < count; ++i) {
+      if (!finish(chunk[static_cast<size_t>(i)], static_cast<size_t>(i))) return false;
+    }
+    before = chunk[static_cast<size_t>(count) - 1].picture;
+    begin += count;
+  }
+  reader.ExpectEnd();
+  return true;
+}
+
+}  // namespace mpc::internal

@@ -1,0 +1,140 @@
+#include "mpc/refinement.h"
+
+#include <deque>
+#include <utility>
+
+#include "mpc/deform/refinement_smoother.h"
+#include "mpc/eval/metrics.h"
+#include "mpc/seg/contour.h"
+#include "silhouette_maker.h"
+
+namespace mpc {
+
+ClipRefinementOptions ClipRefinementOptions::Paper() {
+  ClipRefinementOptions options;
+  options.silhouettes = SilhouetteOptions::Paper();
+  options.second_extraction = SegmentationOptions::Paper();
+  options.frames = FrameRefinementOptions::Paper();
+  options.smoothing = SmoothingOptions::Paper();
+  return options;
+}
+
+void ClipRefinementOptions::Validate() const {
+  silhouettes.Validate();
+  second_extraction.Validate();
+  frames.Validate();
+  smoothing.Validate();
+}
+
+namespace {
+
+// What the threads leave of a frame, and what its place in the smoothing's window keeps.
+struct Result {
+  FrameRefinement refinement;
+  RefinementRecord record;
+  cv::Mat silhouette;
+  cv::Mat truth;
+};
+
+class Stage {
+ public:
+  Stage(const PosedClip& clip, const ClipRefinementOptions& options)
+      : clip_(clip),
+        options_(options),
+        maker_(clip, options.silhouettes),
+        refiner_(clip.character, options.frames) {}
+
+  Result Process(const internal::ClipFrame& frame, CorrespondenceScratch* scratch) const {
+    Result result;
+    const auto outline = [&](const PosedActor& actor) {
+      cv::Mat model;
+      maker_.Model(actor.vertices, &model);
+      const SegmentationOptions& segmentation =
+          actor.refined ? options_.second_extraction : options_.silhouettes.segmentation;
+      const Silhouette silhouette =
+          maker_.Make(actor.state, actor.vertices, model, frame, segmentation);
+      result.record.silhouette = internal::MakeRecord(silhouette, model, frame.truth);
+      if (!actor.refined) {
+        result.record.batch_true_iou = result.record.silhouette.model_true_iou;
+      }
+      result.silhouette = silhouette.mask;
+      return IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
+    };
+    result.refinement =
+        refiner_.Refine(clip_.camera, clip_.poses.col(frame.index), outline, scratch);
+    result.record.pose_state = result.refinement.pose_state;
+    result.record.surface_state = result.refinement.surface_state;
+    result.record.pose_support = result.refinement.pose_support;
+    result.record.surface_support = result.refinement.surface_support;
+    result.truth = frame.truth;
+    return result;
+  }
+
+  double SurfaceIou(const Eigen::Matrix3Xf& vertices, const cv::Mat& truth) const {
+    cv::Mat mask;
+    maker_.Model(vertices, &mask);
+    return MaskIou(mask, truth);
+  }
+
+ private:
+  // Where the picture could not decide the mask is the model's own and says nothing new.
+  static bool IsEvidence(const Silhouette& silhouette) {
+    return silhouette.state == SilhouetteState::kCut ||
+           silhouette.state == SilhouetteState::kExternal;
+  }
+
+  const PosedClip& clip_;
+  const ClipRefinementOptions& options_;
+  internal::SilhouetteMaker maker_;
+  FrameRefiner refiner_;
+};
+
+}  // namespace
+
+ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& options,
+                          const RefinementSink& sink, const ProgressCallback& progress) {
+  options.Validate();
+  const Stage stage(clip, options);
+  RefinementSmoother smoother(clip.character, options.smoothing);
+  const int num_frames = static_cast<int>(clip.poses.cols());
+  const int num_threads = options.silhouettes.num_threads;
+  ClipRefinement refinement;
+  refinement.poses.resize(clip.poses.rows(), clip.poses.cols());
+
+  std::deque<Result> waiting;  // for the frames after them
+  SmoothedFrame smoothed;
+  const auto deliver = [&] {
+    while (smoother.Pop(&smoothed)) {
+      Result result = std::move(waiting.front());
+      waiting.pop_front();
+      if (!result.truth.empty()) {
+        result.record.surface_true_iou = stage.SurfaceIou(smoothed.vertices, result.truth);
+      }
+      const int f = static_cast<int>(refinement.frames.size());
+      refinement.poses.col(f) = smoothed.pose;
+      refinement.frames.push_back(result.record);
+      sink({f, smoothed.pose, smoothed.vertices, result.silhouette});
+    }
+  };
+
+  std::vector<Result> results(internal::NumClipSlots(num_threads));
+  std::vector<CorrespondenceScratch> scratch(results.size());
+  const bool all = internal::ForEachClipFrame(
+      clip, num_threads,
+      [&](const internal::ClipFrame& frame, size_t slot) {
+        results[slot] = stage.Process(frame, &scratch[slot]);
+      },
+      [&](const internal::ClipFrame& frame, size_t slot) {
+        smoother.Push(clip.poses.col(frame.index), std::move(results[slot].refinement));
+        waiting.push_back(std::move(results[slot]));
+        deliver();
+        return !progress || progress({"refinement", frame.index + 1, num_frames});
+      });
+  if (all) {
+    smoother.End();
+    deliver();
+  }
+  return refinement;
+}
+
+}  // namespace mpc

@@ -1,0 +1,74 @@
+#include "silhouette_maker.h"
+
+#include <algorithm>
+
+#include "mpc/eval/metrics.h"
+#include "mpc/render/raster.h"
+
+namespace mpc::internal {
+
+namespace {
+constexpr int kMaxPictureSide = 16384;  // of the rasteriser
+}
+
+SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options)
+    : clip_(clip),
+      options_(options),
+      topology_(SurfaceTopology::FromMesh(clip.character.mesh)),
+      limbs_(FindLimbs(clip.character)) {}
+
+void SilhouetteMaker::Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const {
+  ModelMask(clip_.camera, vertices, topology_, mask);
+}
+
+Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matrix3Xf& vertices,
+                                 const cv::Mat& model, const ClipFrame& frame,
+                                 const SegmentationOptions& segmentation) const {
+  if (!frame.given.empty()) {
+    Silhouette silhouette = SilhouetteFromMask(frame.given, frame.picture.size());
+    silhouette.model_iou = MaskIou(silhouette.mask, model);
+    return silhouette;
+  }
+  FrameInput input;
+  input.picture = frame.picture;
+  input.previous = frame.previous;
+  input.model_mask = model;
+  // The paper's R is not clipped to M.
+  const cv::Mat clip =
+      segmentation.clip_skeleton ? model : cv::Mat(model.size(), CV_8UC1, cv::Scalar(255));
+  input.skeleton_mask =
+      SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
+  input.actor_size_px = CutOffActorSizePx(vertices);
+  return ExtractSilhouette(input, segmentation);
+}
+
+// Size of an actor that the picture cuts off, as a wider picture shows it; 0 for any other.
+double SilhouetteMaker::CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const {
+  const Camera& camera = clip_.camera;
+  const cv::Rect bounds = ProjectedBounds(camera, vertices);
+  if (bounds.empty() || (bounds.x > 0 && bounds.y > 0 && bounds.br().x < camera.width &&
+                         bounds.br().y < camera.height)) {
+    return 0;
+  }
+  const auto margin = [](int side) { return std::min(side, (kMaxPictureSide - side) / 2); };
+  const int dx = margin(camera.width), dy = margin(camera.height);
+  cv::Mat wide;
+  ModelMask(CroppedTo(camera, {-dx, -dy, camera.width + 2 * dx, camera.height + 2 * dy}), vertices,
+            topology_, &wide);
+  return ActorSizePx(wide);
+}
+
+SilhouetteRecord MakeRecord(const Silhouette& silhouette, const cv::Mat& model,
+                            const cv::Mat& truth) {
+  SilhouetteRecord record = {.state = silhouette.state,
+                             .confidence = silhouette.confidence,
+                             .model_iou = silhouette.model_iou,
+                             .camera_motion = silhouette.camera_motion};
+  if (!truth.empty()) {
+    record.true_iou = MaskIou(silhouette.mask, truth);
+    record.model_true_iou = MaskIou(model, truth);
+  }
+  return record;
+}
+
+}  // namespace mpc::internal

@@ -1,0 +1,42 @@
+// Purpose: the silhouette of a posed actor in one frame, and how near it is to what is known.
+// Source: paper, Section 5.1. Symbols: V vertices, M mask of the actor's mesh, R of its skeleton.
+#pragma once
+
+#include <Eigen/Core>
+#include <opencv2/core.hpp>
+#include <vector>
+
+#include "clip_reader.h"
+#include "mpc/render/model_mask.h"
+#include "mpc/silhouettes.h"
+#include "mpc/skeleton/kinematics.h"
+#include "mpc/skeleton/limbs.h"
+
+namespace mpc::internal {
+
+class SilhouetteMaker {
+ public:
+  // Both must outlive it.
+  SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options);
+
+  // M of a posed mesh (3xV, camera frame).
+  void Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const;
+
+  // The user's mask where there is one, else cut out of the picture. `model` is M.
+  Silhouette Make(const KinematicState& state, const Eigen::Matrix3Xf& vertices,
+                  const cv::Mat& model, const ClipFrame& frame,
+                  const SegmentationOptions& segmentation) const;
+
+ private:
+  double CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const;
+
+  const PosedClip& clip_;
+  const SilhouetteOptions& options_;
+  SurfaceTopology topology_;
+  std::vector<Limb> limbs_;
+};
+
+SilhouetteRecord MakeRecord(const Silhouette& silhouette, const cv::Mat& model,
+                            const cv::Mat& truth);
+
+}  // namespace mpc::internal

@@ -68,44 +68,44 @@ int RunOnJoints(const Arguments& arguments) {
   return kExitOk;
 }
 
-// The captured surface, scene frame, as vertices in front of the camera.
+// The captured surface, surface.pc2, from the scene into the camera of each frame.
 class CapturedSurface {
  public:
-  CapturedSurface(const fs::path& take, const Performance& performance, const Truth& truth)
-      : performance_(performance), truth_(truth), reader_(take / "surface.pc2") {
-    const fs::path report = take / "report.json";
-    const auto json = nlohmann::json::parse(mpc::ReadFile(report), nullptr, false);
-    try {
-      world_from_camera_ = ReadTransform<mpc::WorldFrame, mpc::CameraFrame>(
-          json.at("world").at("world_from_camera"));
-      world_from_scene_ =
-          ReadTransform<mpc::SceneFrame, mpc::WorldFrame>(json.at("world").at("scene_from_world"))
-              .Inverse();
-    } catch (const nlohmann::json::exception& e) {
-      throw mpc::Error(
-          mpc::ErrorCode::kBadFile,
-          fmt::format("{} has no transforms of the world: {}", report.string(), e.what()));
-    }
-    const auto num_vertices = performance.character.mesh.positions.cols();
-    if (reader_.num_vertices() != num_vertices ||
-        reader_.num_frames() != performance.poses.cols()) {
+  CapturedSurface(const fs::path& take, Eigen::Index num_vertices, Eigen::Index num_frames)
+      : reader_(take / "surface.pc2") {
+    if (reader_.num_vertices() != num_vertices || reader_.num_frames() != num_frames) {
       throw mpc::Error(mpc::ErrorCode::kMismatch,
                        fmt::format("{} has {} vertices in {} frames, the capture {} in {}",
                                    (take / "surface.pc2").string(), reader_.num_vertices(),
-                                   reader_.num_frames(), num_vertices, performance.poses.cols()));
+                                   reader_.num_frames(), num_vertices, num_frames));
+    }
+    const fs::path report = take / "report.json";
+    const auto json = nlohmann::json::parse(mpc::ReadFile(report), nullptr, false);
+    try {
+      const nlohmann::json& world = json.at("world");
+      const auto scene_from_world =
+          ReadTransform<mpc::SceneFrame, mpc::WorldFrame>(world.at("scene_from_world"));
+      for (Eigen::Index f = 0; f < num_frames; ++f) {
+        const nlohmann::json& frame = json.at("frames").at(static_cast<size_t>(f));
+        const auto world_from_camera = ReadTransform<mpc::WorldFrame, mpc::CameraFrame>(
+            frame.contains("world_from_camera") ? frame.at("world_from_camera")
+                                                : world.at("world_from_camera"));
+        camera_from_scene_.push_back((scene_from_world * world_from_camera).Inverse());
+      }
+    } catch (const nlohmann::json::exception& e) {
+      throw mpc::Error(
+          mpc::ErrorCode::kBadFile,
+          fmt::format("{} does not say where the scene is: {}", report.string(), e.what()));
     }
   }
 
+  // In front of the camera, 3xV; from any thread.
   void Read(int frame, Eigen::Matrix3Xf* vertices) {
     {
       const std::scoped_lock lock(mutex_);
       reader_.Read(frame, vertices);
     }
-    // The camera of a moving clip is only known to its truth.
-    const mpc::CameraFromWorld place = truth_.motion.empty()
-                                           ? world_from_camera_.Inverse()
-                                           : CameraPlace(performance_, truth_, frame);
-    const mpc::Rigid<mpc::CameraFrame, mpc::SceneFrame> to_camera = place * world_from_scene_;
+    const auto& to_camera = camera_from_scene_[static_cast<size_t>(frame)];
     *vertices = (to_camera.rotation.cast<float>() * *vertices).colwise() +
                 to_camera.translation.cast<float>();
   }
@@ -123,12 +123,9 @@ class CapturedSurface {
     return transform;
   }
 
-  const Performance& performance_;
-  const Truth& truth_;
   std::mutex mutex_;
   mpc::Pc2Reader reader_;
-  mpc::Rigid<mpc::WorldFrame, mpc::CameraFrame> world_from_camera_;
-  mpc::Rigid<mpc::WorldFrame, mpc::SceneFrame> world_from_scene_;
+  std::vector<mpc::Rigid<mpc::CameraFrame, mpc::SceneFrame>> camera_from_scene_;  // F
 };
 
 std::vector<FramePicture> TryPictures(const Performance& performance, const Truth& truth,
@@ -158,7 +155,8 @@ int RunOnTake(const Arguments& arguments) {
   if (fs::exists(masks, ec)) performance.silhouettes = masks;
   std::unique_ptr<CapturedSurface> surface;
   if (fs::exists(arguments.estimate / "surface.pc2", ec)) {
-    surface = std::make_unique<CapturedSurface>(arguments.estimate, performance, truth);
+    surface = std::make_unique<CapturedSurface>(
+        arguments.estimate, take.character.mesh.positions.cols(), take.poses.cols());
     performance.vertices = [&surface](int frame, Eigen::Matrix3Xf* vertices) {
       surface->Read(frame, vertices);
     };

@@ -274,7 +274,7 @@ Truth ReadTruth(const fs::path& path, const fs::path& true_masks) {
     truth.joints = mpc::ReadJointTrack(clip.joints);
     truth.camera = mpc::ReadCamera(clip.camera.string());
     truth.motion = mpc::ReadCameraMotion(clip.camera.string());
-    truth.has_floor = true;
+    truth.has_floor = clip.has_floor;
     truth.vertices = clip.vertices;
     truth.masks = clip.masks;
     truth.video = clip.video;

@@ -18,7 +18,7 @@ int CountFinite(const Eigen::VectorXd& values) {
 std::string JointNames(const Evaluation& evaluation) {
   std::string names;
   for (const mpc::JointId joint : evaluation.joints) {
-    names += (names.empty() ? "" : " ") + std::string(mpc::JointName(joint));
+    names += fmt::format("{}{}", names.empty() ? "" : " ", mpc::JointName(joint));
   }
   return names;
 }

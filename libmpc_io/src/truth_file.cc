@@ -60,6 +60,10 @@ TruthClip ReadTruthClip(const fs::path& path) {
   clip.num_frames = PositiveInt(root["frames"]);
   clip.width = PositiveInt(root["width"]);
   clip.height = PositiveInt(root["height"]);
+  if (root.Has("floor")) {
+    if (!json["floor"].is_boolean()) root["floor"].Fail("is neither true nor false");
+    clip.has_floor = json["floor"].get<bool>();
+  }
   if (root.Has("seed")) {
     const double seed = root["seed"].Number();
     if (seed < 0 || seed >= 0x1p53) root["seed"].Fail("is no seed, a whole number below 2^53");
@@ -77,7 +81,7 @@ TruthClip ReadTruthClip(const fs::path& path) {
 void WriteTruthClip(const fs::path& folder, const TruthClip& clip) {
   Json json = {{"format", kFormatName},     {"version", kFormatVersion}, {"fps", clip.fps},
                {"frames", clip.num_frames}, {"width", clip.width},       {"height", clip.height},
-               {"seed", clip.seed}};
+               {"floor", clip.has_floor},   {"seed", clip.seed}};
   for (const auto& [name, member] : kTexts) json[name] = clip.*member;
   for (const auto& [name, member] : kFiles) {
     const fs::path& path = clip.*member;

@@ -17,6 +17,7 @@ TEST(TruthFileTest, WritesAndReadsAgain) {
   clip.num_frames = 90;
   clip.width = 1280;
   clip.height = 720;
+  clip.has_floor = false;
   clip.motion = "walk";
   clip.outfit = "skirt";
   clip.seed = 12345678901234;
@@ -32,6 +33,7 @@ TEST(TruthFileTest, WritesAndReadsAgain) {
     EXPECT_EQ(read.fps, 29.97);
     EXPECT_EQ(read.num_frames, 90);
     EXPECT_EQ(read.height, 720);
+    EXPECT_FALSE(read.has_floor);
     EXPECT_EQ(read.motion, "walk");
     EXPECT_EQ(read.outfit, "skirt");
     EXPECT_EQ(read.seed, 12345678901234u);
@@ -58,7 +60,9 @@ TEST(TruthFileTest, NamesTheFaultInABrokenFile) {
   const std::string size = head + R"("fps": 30, "frames": 1, "width": 4, "height": 3, )";
   EXPECT_MPC_ERROR(read(size + R"("seed": -1})"), kBadFile, "seed");
   EXPECT_MPC_ERROR(read(size + R"("video": 3})"), kBadFile, "video is a number");
+  EXPECT_MPC_ERROR(read(size + R"("floor": 1})"), kBadFile, "floor");
   EXPECT_NO_THROW(read(size + R"("video": null})"));
+  EXPECT_TRUE(ReadTruthClip(dir / "t.json").has_floor);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 // Purpose: truth.json: what is exactly known about a clip, as synthetic clips come with it
 // (docs/formats.md, "Truth of a clip").
-// Frames: world of the clip's camera file, y up, floor at y = 0. Units: metres, pixels, seconds.
+// Frames: world of the clip's camera file. Units: metres, pixels, seconds.
 // Symbols: F frames.
 #pragma once
 
@@ -15,7 +15,8 @@ struct TruthClip {
   int num_frames = 0;  // F
   int width = 0;       // px
   int height = 0;
-  std::string motion;  // how the clip was made; for people
+  bool has_floor = true;  // the world is y up with the floor at y = 0
+  std::string motion;     // how the clip was made; for people
   std::string outfit;
   std::uint64_t seed = 0;
   std::string camera_motion;

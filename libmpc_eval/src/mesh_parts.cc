@@ -33,7 +33,7 @@ LitMesh Quad(const Vector3d& corner, const Vector3d& right, const Vector3d& up,
 LitMesh Box(const Vector3d& least, const Vector3d& most, const Material& material) {
   const Vector3d x(most.x() - least.x(), 0, 0), y(0, most.y() - least.y(), 0),
       z(0, 0, most.z() - least.z());
-  return Merged({Quad(least + z, x, y, material), Quad(most - y, -x, y, material),
+  return Merged({Quad(least + z, x, y, material), Quad(most - y - z, -x, y, material),
                  Quad(least, z, y, material), Quad(most - y, -z, y, material),
                  Quad(least + y + z, x, -z, material), Quad(least, x, z, material)});
 }

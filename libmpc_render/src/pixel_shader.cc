@@ -57,9 +57,7 @@ PixelShader::PixelShader(const Camera& camera, const DrawList& list, const LitSc
   ground_ = Light4(scene.lighting.ground_bgr);
   for (const ShadowMap* map : scene.shadows) {
     if (map->lamp.width == 0) continue;
-    const Eigen::Matrix3d rotation = map->lamp.camera_from_world.rotation;
-    lamps_.push_back({map, (rotation * pose.rotation.transpose()).cast<float>(),
-                      (map->lamp.camera_from_world * eye).cast<float>()});
+    lamps_.emplace_back(*map, pose);
   }
 }
 
@@ -104,13 +102,13 @@ void PixelShader::SetUp(int t) {
 
 Eigen::Array4f PixelShader::Colour(const Eigen::Vector3d& at, double w) const {
   if (mesh_->texture) {
-    const Eigen::Vector2d uv = uv_ * at / w;
+    const Eigen::Vector2d uv = w * (uv_ * at);
     // A triangle seen edge-on may be sampled far outside.
     if (!(uv.cwiseAbs().maxCoeff() < 1e6)) return mesh_->texture->Sample(0.5, 0.5, 1);
-    return mesh_->texture->Sample(uv.x(), uv.y(), uv_area_ / std::abs(w * w * w));
+    return mesh_->texture->Sample(uv.x(), uv.y(), uv_area_ * std::abs(w * w * w));
   }
   if (mesh_->vertex_bgr.cols() == 0) return flat_colour_;
-  const Eigen::Vector3f bgr = (colour_ * at / w).cast<float>();
+  const Eigen::Vector3f bgr = (w * (colour_ * at)).cast<float>();
   return Light4(bgr.array().max(0.0f).min(1.0f));
 }
 
@@ -124,23 +122,19 @@ Eigen::Array4f PixelShader::Light(const Eigen::Vector3f& normal, const Eigen::Ve
   float facing = normal.dot(to_lamp_);
   if (facing <= 0) return light;
   const Eigen::Vector3f in_front = x + kShadowOffsetM * normal;
-  for (const LampView& view : lamps_) {
-    facing *= LampVisibility(*view.map,
-                             view.lamp_from_camera * in_front + view.lamp_in_camera);
-    if (facing == 0) return light;
-  }
+  for (const LampView& view : lamps_) facing *= view.Visibility(in_front);
   return light + facing * lamp_;
 }
 
 Eigen::Array4f PixelShader::ShadeKnown(int column, int row, float z) const {
   const Eigen::Vector3d at(column, row, 1);
-  const double w = weight_sum_.dot(at);
+  const double w = 1 / weight_sum_.dot(at);
   const Eigen::Array4f colour = Colour(at, w);
   if (mesh_->glows) return colour;
   const Eigen::Vector3f ray = (ray_from_pixel_ * at).cast<float>();
   Eigen::Vector3f normal = flat_normal_;
   if (mesh_->normals.cols() > 0) {
-    const Eigen::Vector3f smooth = (normal_ * at / w).cast<float>();
+    const Eigen::Vector3f smooth = (w * (normal_ * at)).cast<float>();
     const float length = smooth.norm();
     if (length > 1e-6f && std::isfinite(length)) {
       // The side that is seen.

@@ -33,13 +33,9 @@ class PixelShader {
   }
 
  private:
-  struct LampView {
-    const ShadowMap* map;
-    Eigen::Matrix3f lamp_from_camera;
-    Eigen::Vector3f lamp_in_camera;  // translation of the transform
-  };
   void SetUp(int t);
   Eigen::Array4f ShadeKnown(int x, int y, float z) const;
+  // w: one over the sum of the corners' weights.
   Eigen::Array4f Colour(const Eigen::Vector3d& at, double w) const;
   Eigen::Array4f Light(const Eigen::Vector3f& normal, const Eigen::Vector3f& x_in_camera) const;
 

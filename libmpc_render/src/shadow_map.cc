@@ -76,19 +76,27 @@ ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
   return map;
 }
 
-float LampVisibility(const ShadowMap& map, const Eigen::Vector3f& x) {
-  if (map.lamp.width == 0 || !(x.z() > 0)) return 1;
-  const float inverse_z = 1 / x.z();
-  const float u = static_cast<float>(map.lamp.fx) * x.x() * inverse_z + static_cast<float>(map.lamp.cx);
-  const float v = static_cast<float>(map.lamp.fy) * x.y() * inverse_z + static_cast<float>(map.lamp.cy);
-  const auto limit = static_cast<float>(map.lamp.width - 1);
-  if (!(u >= 0 && v >= 0 && u < limit && v < limit)) return 1;
-  const int column = static_cast<int>(u), row = static_cast<int>(v);
+LampView::LampView(const ShadowMap& map, const CameraFromWorld& camera_from_world)
+    : depth_(&map.depth), last_(static_cast<float>(map.lamp.width - 1)) {
+  const Camera& lamp = map.lamp;
+  Eigen::Matrix3d pixel_from_lamp;
+  pixel_from_lamp << lamp.fx, 0, lamp.cx, 0, lamp.fy, lamp.cy, 0, 0, 1;
+  const CameraFromWorld& pose = lamp.camera_from_world;
+  const Eigen::Matrix3d rotation = pose.rotation * camera_from_world.rotation.transpose();
+  pixel_from_point_ = (pixel_from_lamp * rotation).cast<float>();
+  offset_ = (pixel_from_lamp * (pose.translation - rotation * camera_from_world.translation))
+                .cast<float>();
+}
+
+float LampView::InMap(const Eigen::Vector3f& p) const {
+  const float u = p.x() / p.z(), v = p.y() / p.z();
+  const int column = std::min(static_cast<int>(u), depth_->cols - 2);
+  const int row = std::min(static_cast<int>(v), depth_->rows - 2);
   const float fx = u - static_cast<float>(column), fy = v - static_cast<float>(row);
-  const float nearest = x.z() - kShadowBiasM;
+  const float nearest = p.z() - kShadowBiasM;
   const auto lit = [nearest](float depth) { return depth == 0 || depth >= nearest ? 1.0f : 0.0f; };
-  const float* above = map.depth.ptr<float>(row) + column;
-  const float* below = map.depth.ptr<float>(row + 1) + column;
+  const float* above = depth_->ptr<float>(row) + column;
+  const float* below = depth_->ptr<float>(row + 1) + column;
   return (1 - fy) * ((1 - fx) * lit(above[0]) + fx * lit(above[1])) +
          fy * ((1 - fx) * lit(below[0]) + fx * lit(below[1]));
 }

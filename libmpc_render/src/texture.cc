@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <bit>
+#include <cstdint>
 #include <opencv2/imgproc.hpp>
 
 #include "mpc/core/error.h"
@@ -13,6 +14,12 @@ namespace {
 
 // i modulo n for i in [-1, n].
 int Wrapped(int i, int n) { return i < 0 ? i + n : (i >= n ? i - n : i); }
+
+// x - floor(x) for |x| < 2e9, without a call of the library's floor.
+double Fraction(double x) {
+  const double rest = x - static_cast<int>(x);
+  return rest < 0 ? rest + 1 : rest;
+}
 
 }  // namespace
 
@@ -42,12 +49,12 @@ Texture::Texture(const cv::Mat& bgr) {
 
 Eigen::Array4f Texture::Sample(double u, double v, double uv_area) const {
   // The exponent of the pixel's area in texels: a quarter of the texels per level.
-  const double texels = uv_area * width() * height();
-  const int exponent = texels > 1 && texels < 1e18 ? std::ilogb(texels) : 0;
+  const auto texels = static_cast<float>(uv_area * width() * height());
+  const int exponent = texels > 1 ? static_cast<int>(std::bit_cast<uint32_t>(texels) >> 23) - 127 : 0;
   const cv::Mat& level =
       levels_[std::min(static_cast<size_t>((exponent + 1) / 2), levels_.size() - 1)];
-  const float x = static_cast<float>((u - std::floor(u)) * level.cols - 0.5);
-  const float y = static_cast<float>((v - std::floor(v)) * level.rows - 0.5);
+  const float x = static_cast<float>(Fraction(u)) * static_cast<float>(level.cols) - 0.5f;
+  const float y = static_cast<float>(Fraction(v)) * static_cast<float>(level.rows) - 0.5f;
   const int left = static_cast<int>(x + 1) - 1;
   const int top = static_cast<int>(y + 1) - 1;
   const float fx = x - static_cast<float>(left);

@@ -27,9 +27,29 @@ inline constexpr float kShadowBiasM = 0.01f;  // nothing shades what lies this c
 ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
                         std::span<const TriangleMesh* const> bodies, int side_px);
 
-// The part of the lamp that is seen from a point (lamp's frame), 0 to 1: bilinear between the
-// answers of four neighbours.
-float LampVisibility(const ShadowMap& map, const Eigen::Vector3f& x_in_lamp);
+// A shadow map to be asked many times, for points given in one frame.
+class LampView {
+ public:
+  // `map` must outlive the view. camera_from_world: of the frame the points are in.
+  LampView(const ShadowMap& map, const CameraFromWorld& camera_from_world);
+
+  // The part of the lamp that is seen from a point, 0 to 1: bilinear between the answers of four
+  // neighbours.
+  float Visibility(const Eigen::Vector3f& x) const {
+    const Eigen::Vector3f p = pixel_from_point_ * x + offset_;  // pixel times depth, depth
+    const float limit = last_ * p.z();
+    if (!(p.x() >= 0 && p.y() >= 0 && p.x() < limit && p.y() < limit)) return 1;
+    return InMap(p);
+  }
+
+ private:
+  float InMap(const Eigen::Vector3f& p) const;
+
+  const cv::Mat* depth_;
+  Eigen::Matrix3f pixel_from_point_;
+  Eigen::Vector3f offset_;
+  float last_;  // column and row
+};
 
 // How much of the sky the bodies near the floor y = 0 take away from it: 0 none, 1 all.
 struct ContactMap {

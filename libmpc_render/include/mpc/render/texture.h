@@ -22,7 +22,7 @@ class Texture {
   int height() const { return levels_.front().rows; }
 
   // Linear light (b, g, r, 0) at (u, v), bilinear, in the level whose texels have about the size of
-  // the pixel: `uv_area` is the pixel's area in texture coordinates. Thread-safe.
+  // the pixel: `uv_area` is the pixel's area in texture coordinates. |u| and |v| below 2e9. Thread-safe.
   Eigen::Array4f Sample(double u, double v, double uv_area) const;
 
  private:

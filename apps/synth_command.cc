@@ -17,6 +17,7 @@ struct Arguments {
   double fov_deg = 60;
   std::string camera = "static";
   std::string noise = "measured";
+  std::string outfit = std::string(mpc::OutfitName(mpc::Outfit::kCasual));
   std::string place;  // empty: by seed
   bool still_background = false;
 };
@@ -43,6 +44,7 @@ int Run(const Arguments& arguments) {
   options.camera.fov_rad = arguments.fov_deg * std::numbers::pi / 180;
   options.camera.motion = Find(mpc::kAllCameraMotions, mpc::CameraMotionName, arguments.camera);
   options.errors = Find(mpc::kAllDetectionErrors, mpc::DetectionErrorsName, arguments.noise);
+  request.outfit = Find(mpc::kAllOutfits, mpc::OutfitName, arguments.outfit);
   options.camera.seed = options.scene.seed = options.seed;
   options.scene.moving_background = !arguments.still_background;
   options.scene.place = arguments.place.empty()
@@ -108,6 +110,9 @@ Command AddSynthCommand(CLI::App* parent) {
       })
       ->capture_default_str();
   app->add_option("--actor", request.actor, "Rigged mesh (.glb); default: the program's own");
+  app->add_option("--outfit", arguments->outfit, "What the program's own actor wears")
+      ->check(CLI::IsMember(Names(mpc::kAllOutfits, mpc::OutfitName)))
+      ->capture_default_str();
   app->add_option("--noise", arguments->noise,
                   "Errors of the detections: as measured on a network, white, exact, or off: none")
       ->check(CLI::IsMember(Names(mpc::kAllDetectionErrors, mpc::DetectionErrorsName)))

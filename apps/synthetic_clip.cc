@@ -12,8 +12,9 @@
 
 #include "console.h"
 #include "mpc/core/error.h"
+#include "mpc/eval/clothing.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/motions.h"
-#include "mpc/eval/procedural_actor.h"
 #include "mpc/eval/retarget.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
@@ -35,28 +36,31 @@ namespace fs = std::filesystem;
 
 constexpr double kMinHeightM = 0.5;  // of a person; outside, a rig is in other units than metres
 constexpr double kMaxHeightM = 2.5;
+constexpr int kMaxFrames = 1000000;
 
 mpc::Error Refused(mpc::ErrorCode code, const std::string& text) { return {code, text}; }
 
 // The actor as the files of the clip will give it to whoever reads them.
 struct Actor {
-  mpc::RigAsset rig;
+  mpc::DressedActor dressed;  // without cloth for a user's rig
   mpc::Character character;
 };
 
-// `users` is the user's own rig, already read; without one the program's own actor.
+// Writes actor.glb. `users` is the user's own rig, already read; without one the program's own actor
+// is made.
 Actor WriteActor(const SyntheticClipRequest& request, const std::optional<mpc::RigAsset>& users) {
   const fs::path path = request.output / "actor.glb";
+  Actor actor;
   if (!users) {
-    mpc::WriteRigGltf(path, mpc::ProceduralActor());
+    actor.dressed = mpc::MakeDressedActor({.outfit = request.outfit, .seed = request.options.seed});
+    mpc::WriteRigGltf(path, actor.dressed.rig);
   } else if (request.actor.extension() == ".glb") {
     mpc::WriteFileAtomically(path, mpc::ReadFile(request.actor));
   } else {
     mpc::WriteRigGltf(path, *users);
   }
-  Actor actor;
-  actor.rig = mpc::ReadRigGltf(path);
-  actor.character = mpc::BuildCharacter(actor.rig, mpc::MapRigByNames(actor.rig));
+  actor.dressed.rig = mpc::ReadRigGltf(path);
+  actor.character = mpc::BuildCharacter(actor.dressed.rig, mpc::MapRigByNames(actor.dressed.rig));
   const double height = mpc::ActorHeight(actor.character);
   if (height < kMinHeightM || height > kMaxHeightM) {
     throw Refused(mpc::ErrorCode::kUnsupported,
@@ -72,12 +76,13 @@ mpc::SourceMotion ReadBvhPart(const SyntheticClipRequest& request) {
   const double first = std::round(request.start_s / bvh.frame_time_s);
   const double last = std::ceil((request.start_s + request.seconds) / bvh.frame_time_s);
   const int begin = static_cast<int>(std::min<double>(first, bvh.num_frames()));
-  const int end = static_cast<int>(std::min<double>(last + 1, bvh.num_frames()));  // one more to interpolate
+  const int end =
+      static_cast<int>(std::min<double>(last + 1, bvh.num_frames()));  // one more to interpolate
   if (end <= begin) {
-    throw Refused(mpc::ErrorCode::kInvalidArgument,
-                  fmt::format("{} lasts {:.2f} s, the start at {} s lies behind its end",
-                              request.motion, bvh.num_frames() * bvh.frame_time_s,
-                              request.start_s));
+    throw Refused(
+        mpc::ErrorCode::kInvalidArgument,
+        fmt::format("{} lasts {:.2f} s, the start at {} s lies behind its end", request.motion,
+                    bvh.num_frames() * bvh.frame_time_s, request.start_s));
   }
   const mpc::BvhJointPaths paths = mpc::JointPathsOf(bvh, begin, end);
   return {paths.names, paths.parents, paths.positions, 1 / bvh.frame_time_s};
@@ -124,8 +129,7 @@ void WriteTruthFiles(const fs::path& folder, const mpc::SyntheticPerformance& pe
 }
 
 bool WritePictures(const SyntheticClipRequest& request,
-                   const mpc::SyntheticPerformance& performance,
-                   const mpc::SyntheticScene& scene) {
+                   const mpc::SyntheticPerformance& performance, const mpc::SyntheticScene& scene) {
   const mpc::SyntheticCameraOptions& camera = performance.options.camera;
   mpc::VideoWriter video(request.output / "clip.mp4", camera.width, camera.height, request.fps);
   mpc::MaskFolderWriter masks(request.output / "masks");
@@ -154,7 +158,7 @@ void WriteTruthJson(const SyntheticClipRequest& request,
       {"width", options.camera.width},
       {"height", options.camera.height},
       {"motion", fs::path(request.motion).stem().string()},
-      {"outfit", request.actor.empty() ? "plain" : "actor's own"},
+      {"outfit", request.actor.empty() ? mpc::OutfitName(request.outfit) : "of the actor"},
       {"seed", options.seed},
       {"camera_motion", mpc::CameraMotionName(options.camera.motion)},
       {"noise", mpc::DetectionErrorsName(options.errors)},
@@ -181,6 +185,17 @@ void RemoveOldClip(const fs::path& folder) {
   }
 }
 
+// Before anything is read or removed.
+void CheckNumbers(const SyntheticClipRequest& request) {
+  request.options.Validate();
+  if (!(request.seconds > 0 && request.start_s >= 0 && request.fps >= 1 && request.fps <= 1000) ||
+      request.seconds * request.fps > kMaxFrames) {
+    throw Refused(mpc::ErrorCode::kInvalidArgument,
+                  fmt::format("{} s from {} s at {} frames per second are not 1 to {} frames",
+                              request.seconds, request.start_s, request.fps, kMaxFrames));
+  }
+}
+
 }  // namespace
 
 bool IsBvhPath(const std::string& motion) {
@@ -191,6 +206,7 @@ bool IsBvhPath(const std::string& motion) {
 }
 
 bool WriteSyntheticClip(const SyntheticClipRequest& request, std::string* summary) {
+  CheckNumbers(request);
   const bool is_bvh = IsBvhPath(request.motion);
   if (request.start_s > 0 && !is_bvh) {
     throw Refused(mpc::ErrorCode::kInvalidArgument, "--start is for BVH files only");
@@ -203,18 +219,20 @@ bool WriteSyntheticClip(const SyntheticClipRequest& request, std::string* summar
   std::error_code ec;
   fs::create_directories(request.output, ec);
   if (!fs::is_directory(request.output, ec)) {
-    throw Refused(mpc::ErrorCode::kWriteFailed,
-                  fmt::format("{} is not a folder and cannot be made one", request.output.string()));
+    throw Refused(
+        mpc::ErrorCode::kWriteFailed,
+        fmt::format("{} is not a folder and cannot be made one", request.output.string()));
   }
   RemoveOldClip(request.output);
   const Actor actor = WriteActor(request, users);
   mpc::Acting acting =
       mpc::ActWithSkinning(actor.character, MakePoses(request, source, actor.character.skeleton),
                            request.fps, request.num_threads);
+  acting.vertices = mpc::Perform(actor.dressed, actor.character, acting.poses, request.fps);
   const mpc::SyntheticPerformance performance =
       mpc::MakePerformance(actor.character, std::move(acting), request.options);
   const std::unique_ptr<mpc::SyntheticScene> scene =
-      mpc::MakeScene(performance, actor.rig, actor.character);
+      mpc::MakeScene(performance, actor.dressed.rig, actor.character);
   WriteTruthFiles(request.output, performance);
   if (!WritePictures(request, performance, *scene)) return false;
   WriteTruthJson(request, performance);

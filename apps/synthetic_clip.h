@@ -5,15 +5,17 @@
 #include <filesystem>
 #include <string>
 
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/synthetic_performance.h"
 
 namespace monoperfcap {
 
 struct SyntheticClipRequest {
   std::filesystem::path output;
-  std::filesystem::path actor;  // empty: the program's own
-  std::string motion = "walk";  // a name, or the path of a BVH file
-  double start_s = 0;           // where a BVH file is cut
+  std::filesystem::path actor;                // empty: the program's own
+  mpc::Outfit outfit = mpc::Outfit::kCasual;  // of the program's own actor
+  std::string motion = "walk";                // a name, or the path of a BVH file
+  double start_s = 0;                         // where a BVH file is cut
   double seconds = 3;
   double fps = 30;
   mpc::PerformanceOptions options;

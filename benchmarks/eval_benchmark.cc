@@ -2,8 +2,8 @@
 // core. Baseline: the same actor alone, once per pixel, without light (ShadeMesh).
 #include <benchmark/benchmark.h>
 
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/motions.h"
-#include "mpc/eval/procedural_actor.h"
 #include "mpc/eval/synthetic_performance.h"
 #include "mpc/render/lit_scene.h"
 #include "mpc/render/shade.h"
@@ -12,7 +12,7 @@
 namespace {
 
 struct Clip {
-  mpc::RigAsset rig = mpc::ProceduralActor();
+  mpc::RigAsset rig = mpc::MakeDressedActor().rig;
   mpc::Character character = mpc::BuildCharacter(rig, mpc::MapRigByNames(rig));
   mpc::SyntheticPerformance performance;
 

@@ -57,9 +57,9 @@ LitMesh Turned(const Vector3d& foot, const Eigen::Matrix2Xd& radius_and_height,
       const Vector3d out(std::cos(angle), 0, -std::sin(angle));
       const auto v = r * (kSides + 1) + i;
       const double radius = radius_and_height(0, r), height = radius_and_height(1, r);
-      body.mesh.positions.col(v) =
-          (foot + radius * out + Vector3d(0, height, 0)).cast<float>();
-      body.normals.col(v) = (slope.y() * out - Vector3d(0, slope.x(), 0)).normalized().cast<float>();
+      body.mesh.positions.col(v) = (foot + radius * out + Vector3d(0, height, 0)).cast<float>();
+      body.normals.col(v) =
+          (slope.y() * out - Vector3d(0, slope.x(), 0)).normalized().cast<float>();
       const double repeat = material.repeat_m;
       body.uv.col(v) = Eigen::Vector2f(
           static_cast<float>(i) / kSides,

@@ -18,8 +18,8 @@ struct Material {
 };
 
 // corner + s * right + t * up, s and t 0 to 1; seen from both sides. Texture upright along `up`.
-LitMesh Quad(const Eigen::Vector3d& corner, const Eigen::Vector3d& right,
-             const Eigen::Vector3d& up, const Material& material);
+LitMesh Quad(const Eigen::Vector3d& corner, const Eigen::Vector3d& right, const Eigen::Vector3d& up,
+             const Material& material);
 // Between two corners.
 LitMesh Box(const Eigen::Vector3d& least, const Eigen::Vector3d& most, const Material& material);
 // A body of revolution about the vertical through `foot`: radii at heights, smooth.

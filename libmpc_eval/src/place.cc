@@ -130,7 +130,8 @@ class Builder {
     SideFurniture(left, right, back);
     if (options_.moving_background) {
       const double z = back + 0.75;
-      const double x = MiddleX() + dice_.Between(0.35, 0.6) * HalfView(z) * (dice_.Chance(0.5) ? 1 : -1);
+      const double x =
+          MiddleX() + dice_.Between(0.35, 0.6) * HalfView(z) * (dice_.Chance(0.5) ? 1 : -1);
       const double length = dice_.Between(0.45, 0.6) * top;
       const Material shade = Made(BallTexture(&dice_));
       Pendulum(std::clamp(x, left + 0.8, right - 0.8), top, z, length,
@@ -160,12 +161,14 @@ class Builder {
       switch (dice_.Below(4)) {
         case 0: {  // a shelf of books
           const double height = std::min(dice_.Between(1.6, 2.2), top - 0.2);
-          Stand(Box({x, 0, back}, {x + width, height, back + 0.32}, Made(BooksTexture(&dice_))), true);
+          Stand(Box({x, 0, back}, {x + width, height, back + 0.32}, Made(BooksTexture(&dice_))),
+                true);
           break;
         }
         case 1: {  // a cabinet with a picture above
           const double height = dice_.Between(0.7, 1.0);
-          Stand(Box({x, 0, back}, {x + width, height, back + 0.42}, Made(PlanksTexture(&dice_), 2)), true);
+          Stand(Box({x, 0, back}, {x + width, height, back + 0.42}, Made(PlanksTexture(&dice_), 2)),
+                true);
           Painting(x + 0.15, height + 0.25, back, 0.7 * width);
           break;
         }
@@ -182,7 +185,8 @@ class Builder {
   }
 
   void Painting(double x, double y, double back, double width) {
-    Stand(Box({x, y, back}, {x + width, y + 0.7 * width, back + 0.035}, Made(PaintingTexture(&dice_))),
+    Stand(Box({x, y, back}, {x + width, y + 0.7 * width, back + 0.035},
+              Made(PaintingTexture(&dice_))),
           true);
   }
 
@@ -213,7 +217,8 @@ class Builder {
   void SkyAndGround(const Material& ground) {
     constexpr double kReach = 150;
     const Vector3d middle = stage_.actor.center();
-    Floor(middle.x() - kReach, middle.x() + kReach, middle.z() - kReach, middle.z() + kReach, ground);
+    Floor(middle.x() - kReach, middle.x() + kReach, middle.z() - kReach, middle.z() + kReach,
+          ground);
     Eigen::Matrix2Xd dome(2, 9);
     for (int i = 0; i < 9; ++i) {
       const double elevation = 0.5 * kPi * i / 8;
@@ -243,7 +248,8 @@ class Builder {
     double x = MiddleX() - 1.5 * HalfView(z) - 20;
     while (x < MiddleX() + 1.5 * HalfView(z) + 20) {
       const double width = dice_.Between(8, 16);
-      Stand(Box({x, 0, z - 10}, {x + width, dice_.Between(least_height, most_height), z + dice_.Between(-1, 1)},
+      Stand(Box({x, 0, z - 10},
+                {x + width, dice_.Between(least_height, most_height), z + dice_.Between(-1, 1)},
                 Made(FacadeTexture(&dice_), 12)),
             false);
       x += width + (dice_.Chance(0.3) ? dice_.Between(1, 6) : 0);
@@ -301,9 +307,10 @@ class Builder {
       Tree(MiddleX() + dice_.Between(-1.2, 1.2) * HalfView(z), z, bark, leaves);
     }
     const double hedge = near - 14;
-    Stand(Box({MiddleX() - 60, 0, hedge - 14}, {MiddleX() + 60, dice_.Between(1.2, 2.4), hedge - 13},
-              Made(LeavesTexture(&dice_), 1.5)),
-          false);
+    Stand(
+        Box({MiddleX() - 60, 0, hedge - 14}, {MiddleX() + 60, dice_.Between(1.2, 2.4), hedge - 13},
+            Made(LeavesTexture(&dice_), 1.5)),
+        false);
     Buildings(near - 70, 8, 20);
     const Material wood = Made(PlanksTexture(&dice_), 2);
     const double x = MiddleX() + dice_.Between(-0.6, 0.6) * HalfView(near);

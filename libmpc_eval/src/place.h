@@ -27,8 +27,8 @@ struct Mover {
 };
 
 struct Place {
-  std::vector<LitMesh> standing;   // walls, furniture, trees, sky; the first is the floor
-  std::vector<size_t> casts;       // those of them that cast shadows
+  std::vector<LitMesh> standing;  // walls, furniture, trees, sky; the first is the floor
+  std::vector<size_t> casts;      // those of them that cast shadows
   std::vector<Mover> movers;
   std::vector<LitMesh> occluders;  // between actor and camera
   Lighting lighting;

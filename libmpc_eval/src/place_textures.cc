@@ -64,7 +64,8 @@ cv::Mat Paint(Function colour) {
 // Brightness per cell of a pattern, fixed by the cell's indices.
 std::vector<float> CellTones(int count, double spread, Dice* dice) {
   std::vector<float> tones;
-  for (int i = 0; i < count; ++i) tones.push_back(static_cast<float>(dice->Between(1 - spread, 1 + spread)));
+  for (int i = 0; i < count; ++i)
+    tones.push_back(static_cast<float>(dice->Between(1 - spread, 1 + spread)));
   return tones;
 }
 
@@ -90,15 +91,15 @@ cv::Mat Blocks(int columns, int rows, int joint_px, double shift, const cv::Vec3
 cv::Vec3f Hsv(double hue, double saturation, double value) {
   const auto channel = [&](double n) {
     const double k = std::fmod(n + 6 * hue, 6);
-    return static_cast<float>(
-        255 * value * (1 - saturation * std::clamp(std::min(k, 4 - k), 0.0, 1.0)));
+    return static_cast<float>(255 * value *
+                              (1 - saturation * std::clamp(std::min(k, 4 - k), 0.0, 1.0)));
   };
   return {channel(1), channel(3), channel(5)};
 }
 
 cv::Mat PlanksTexture(Dice* dice) {
-  const cv::Vec3f wood = Hsv(dice->Between(0.06, 0.10), dice->Between(0.35, 0.6),
-                             dice->Between(0.45, 0.75));
+  const cv::Vec3f wood =
+      Hsv(dice->Between(0.06, 0.10), dice->Between(0.35, 0.6), dice->Between(0.45, 0.75));
   const cv::Mat grain = Clouds(4, 128, 3, dice);
   const std::vector<float> tones = CellTones(16, 0.16, dice);
   const std::vector<float> shifts = CellTones(8, 1, dice);
@@ -113,18 +114,20 @@ cv::Mat PlanksTexture(Dice* dice) {
 }
 
 cv::Mat TilesTexture(Dice* dice) {
-  const cv::Vec3f tile = Hsv(dice->Between(0, 1), dice->Between(0.05, 0.3), dice->Between(0.6, 0.85));
+  const cv::Vec3f tile =
+      Hsv(dice->Between(0, 1), dice->Between(0.05, 0.3), dice->Between(0.6, 0.85));
   return Blocks(4, 4, 5, 0, tile, 0.6f * tile, 0.08, dice);
 }
 
 cv::Mat BricksTexture(Dice* dice) {
-  const cv::Vec3f brick = Hsv(dice->Between(0.01, 0.06), dice->Between(0.45, 0.65),
-                              dice->Between(0.45, 0.65));
+  const cv::Vec3f brick =
+      Hsv(dice->Between(0.01, 0.06), dice->Between(0.45, 0.65), dice->Between(0.45, 0.65));
   return Blocks(8, 16, 4, 0.5, brick, Hsv(0.1, 0.1, 0.7), 0.22, dice);
 }
 
 cv::Mat PlasterTexture(Dice* dice) {
-  const cv::Vec3f paint = Hsv(dice->Between(0, 1), dice->Between(0.05, 0.35), dice->Between(0.65, 0.9));
+  const cv::Vec3f paint =
+      Hsv(dice->Between(0, 1), dice->Between(0.05, 0.35), dice->Between(0.65, 0.9));
   const cv::Mat stain = Clouds(3, 3, 7, dice);
   return Paint([&](int x, int y) { return (1 + 0.07f * stain.at<float>(y, x)) * paint; });
 }
@@ -155,14 +158,14 @@ cv::Mat GrassTexture(Dice* dice) {
 }
 
 cv::Mat PavingTexture(Dice* dice) {
-  const cv::Vec3f stone = Hsv(dice->Between(0.05, 0.15), dice->Between(0.03, 0.18),
-                              dice->Between(0.45, 0.65));
+  const cv::Vec3f stone =
+      Hsv(dice->Between(0.05, 0.15), dice->Between(0.03, 0.18), dice->Between(0.45, 0.65));
   return Blocks(4, 8, 4, 0.5, stone, 0.55f * stone, 0.12, dice);
 }
 
 cv::Mat FacadeTexture(Dice* dice) {
-  const cv::Vec3f wall = Hsv(dice->Between(0.02, 0.16), dice->Between(0.1, 0.45),
-                             dice->Between(0.5, 0.8));
+  const cv::Vec3f wall =
+      Hsv(dice->Between(0.02, 0.16), dice->Between(0.1, 0.45), dice->Between(0.5, 0.8));
   const cv::Mat stain = Clouds(8, 8, 6, dice);
   const std::vector<float> tones = CellTones(16, 0.5, dice);
   return Paint([&](int x, int y) -> cv::Vec3f {
@@ -170,8 +173,9 @@ cv::Mat FacadeTexture(Dice* dice) {
     const float light = 1 + 0.10f * stain.at<float>(y, x);
     if (u > 36 && u < 92 && v > 26 && v < 100) {
       const bool frame = u < 41 || u > 87 || v < 31 || v > 95 || (u > 62 && u < 66);
-      const cv::Vec3f pane = tones[static_cast<size_t>(y / 128 * 4 + x / 128)] *
-                             Mix(Hsv(0.58, 0.3, 0.5), Hsv(0.58, 0.4, 0.2), static_cast<float>(v) / 128);
+      const cv::Vec3f pane =
+          tones[static_cast<size_t>(y / 128 * 4 + x / 128)] *
+          Mix(Hsv(0.58, 0.3, 0.5), Hsv(0.58, 0.4, 0.2), static_cast<float>(v) / 128);
       return frame ? Hsv(0.1, 0.05, 0.85) : pane;
     }
     return (v >= 100 && v < 106 && u > 32 && u < 96 ? 0.75f : light) * wall;
@@ -212,13 +216,15 @@ cv::Mat BooksTexture(Dice* dice) {
     const int bottom = 128 * (board + 1) - 10;
     for (int x = 8; x < kSide - 24;) {
       const int wide = 8 + dice->Below(16), high = 70 + dice->Below(42);
-      const cv::Vec3f cover = Hsv(dice->Between(0, 1), dice->Between(0.2, 0.8), dice->Between(0.25, 0.85));
+      const cv::Vec3f cover =
+          Hsv(dice->Between(0, 1), dice->Between(0.2, 0.8), dice->Between(0.25, 0.85));
       cv::rectangle(shelf, cv::Rect(x, bottom - high, wide, high), cv::Scalar(cover), cv::FILLED);
       cv::rectangle(shelf, cv::Rect(x + 2, bottom - high + 12, wide - 4, 6),
                     cv::Scalar(0.4f * cover + cv::Vec3f(120, 130, 130)), cv::FILLED);
       x += wide + 1 + (dice->Chance(0.08) ? 30 : 0);
     }
-    cv::rectangle(shelf, cv::Rect(0, bottom, kSide, 10), cv::Scalar(Hsv(0.08, 0.5, 0.45)), cv::FILLED);
+    cv::rectangle(shelf, cv::Rect(0, bottom, kSide, 10), cv::Scalar(Hsv(0.08, 0.5, 0.45)),
+                  cv::FILLED);
   }
   return shelf;
 }
@@ -226,10 +232,12 @@ cv::Mat BooksTexture(Dice* dice) {
 cv::Mat PaintingTexture(Dice* dice) {
   cv::Mat picture(kSide, kSide, CV_8UC3, cv::Scalar(Hsv(dice->Between(0, 1), 0.3, 0.85)));
   for (int i = 0; i < 14; ++i) {
-    const cv::Scalar colour(Hsv(dice->Between(0, 1), dice->Between(0.3, 0.9), dice->Between(0.2, 0.95)));
+    const cv::Scalar colour(
+        Hsv(dice->Between(0, 1), dice->Between(0.3, 0.9), dice->Between(0.2, 0.95)));
     const cv::Point centre(dice->Below(kSide), dice->Below(kSide));
     const cv::Size size(20 + dice->Below(110), 20 + dice->Below(110));
-    cv::ellipse(picture, centre, size, dice->Between(0, 180), 0, 360, colour, cv::FILLED, cv::LINE_AA);
+    cv::ellipse(picture, centre, size, dice->Between(0, 180), 0, 360, colour, cv::FILLED,
+                cv::LINE_AA);
   }
   cv::rectangle(picture, cv::Rect(0, 0, kSide, kSide), cv::Scalar(Hsv(0.09, 0.5, 0.25)), 36);
   return picture;

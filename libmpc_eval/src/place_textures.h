@@ -36,9 +36,9 @@ cv::Mat FacadeTexture(Dice* dice);     // 12 m: 4 x 4 windows
 cv::Mat LeavesTexture(Dice* dice);
 cv::Mat BarkTexture(Dice* dice);
 cv::Mat FabricTexture(Dice* dice);
-cv::Mat BooksTexture(Dice* dice);      // a shelf of 4 boards
+cv::Mat BooksTexture(Dice* dice);  // a shelf of 4 boards
 cv::Mat PaintingTexture(Dice* dice);
-cv::Mat BallTexture(Dice* dice);       // sectors in two colours
-cv::Mat SkyTexture(Dice* dice);        // around: width; from the horizon to the zenith: bottom to top
+cv::Mat BallTexture(Dice* dice);  // sectors in two colours
+cv::Mat SkyTexture(Dice* dice);   // around: width; from the horizon to the zenith: bottom to top
 
 }  // namespace mpc

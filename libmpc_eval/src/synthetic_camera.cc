@@ -16,9 +16,9 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kPitchRad = 10 * std::numbers::pi / 180;
-constexpr double kMargin = 0.45;         // half of the part of the picture that the actor may fill
-constexpr double kFollowS = 0.8;         // how slowly a camera follows: half width of the mean
-constexpr int kPointsPerFrame = 200;     // of the actor's vertices, to see whether it fits
+constexpr double kMargin = 0.45;      // half of the part of the picture that the actor may fill
+constexpr double kFollowS = 0.8;      // how slowly a camera follows: half width of the mean
+constexpr int kPointsPerFrame = 200;  // of the actor's vertices, to see whether it fits
 constexpr double kShakeRad = 0.4 * std::numbers::pi / 180;  // root mean square per axis
 constexpr double kShakeM = 0.015;
 
@@ -208,7 +208,8 @@ SyntheticCamera MakeSyntheticCamera(const std::vector<Eigen::Matrix3Xf>& vertice
       distance *= 1.02;
       f = 0;
       if (distance > 1e4) {
-        throw Error(ErrorCode::kInvalidArgument, "the actor fits into no picture: it is not finite");
+        throw Error(ErrorCode::kInvalidArgument,
+                    "the actor fits into no picture: it is not finite");
       }
     } else {
       ++f;

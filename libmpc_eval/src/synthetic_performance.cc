@@ -80,7 +80,8 @@ Acting ActWithSkinning(const Character& character, const Eigen::MatrixXd& poses,
     lowest[static_cast<size_t>(f)] = vertices.row(1).minCoeff();
   });
   std::sort(lowest.begin(), lowest.end());
-  const double floor = lowest[static_cast<size_t>(kSunkFraction * static_cast<double>(lowest.size() - 1))];
+  const double floor =
+      lowest[static_cast<size_t>(kSunkFraction * static_cast<double>(lowest.size() - 1))];
   acting.poses.row(1).array() -= floor;
   for (Eigen::Matrix3Xf& vertices : acting.vertices) {
     vertices.row(1).array() -= static_cast<float>(floor);

@@ -31,9 +31,9 @@ double Even(int i, int base) {
 
 // One of the pictures that are averaged.
 struct Sample {
-  double pixel_x, pixel_y;         // offset inside the pixel, -0.5 to 0.5
-  double lamp_x, lamp_y;           // on the lamp, -1 to 1
-  double time;                     // in shutter times, -0.5 to 0.5
+  double pixel_x, pixel_y;  // offset inside the pixel, -0.5 to 0.5
+  double lamp_x, lamp_y;    // on the lamp, -1 to 1
+  double time;              // in shutter times, -0.5 to 0.5
 };
 
 // Times in order, each sample in its own cell of the pixel and of the lamp.
@@ -109,8 +109,8 @@ struct SyntheticScene::Impl {
   Place place;
   TriangleMesh occluders;
   std::vector<Sample> samples;
-  std::vector<Eigen::Vector3d> lamps;      // per sample, world
-  std::vector<ShadowMap> place_shadows;    // per sample
+  std::vector<Eigen::Vector3d> lamps;    // per sample, world
+  std::vector<ShadowMap> place_shadows;  // per sample
 
   Impl(const SceneOptions& scene_options, const StageBounds& stage, const RigAsset& rig,
        const Character& character)

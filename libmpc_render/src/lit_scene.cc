@@ -51,7 +51,8 @@ void AddLayer(const Camera& camera, const LitScene& scene, const DrawList& list,
     const float* depth = buffers.depth.ptr<float>(y);
     auto* out = reinterpret_cast<float*>(sum.ptr<cv::Vec4f>(y));
     const bool crosses = y >= hidden_bounds.y && y < hidden_bounds.y + hidden_bounds.height;
-    const int* in_front = crosses ? hidden.ptr<int>(y - hidden_bounds.y) - hidden_bounds.x : nullptr;
+    const int* in_front =
+        crosses ? hidden.ptr<int>(y - hidden_bounds.y) - hidden_bounds.x : nullptr;
     const int begin = crosses ? hidden_bounds.x : camera.width;
     const int end = crosses ? hidden_bounds.x + hidden_bounds.width : camera.width;
     for (int x = 0; x < camera.width; ++x) {
@@ -106,8 +107,8 @@ cv::Mat Developed(const cv::Mat& sum, int count) {
     uchar* out = bgr.ptr(y);
     for (int x = 0; x < sum.cols; ++x) {
       for (int channel = 0; channel < 3; ++channel) {
-        const float light = std::clamp(in[4 * x + channel] * scale, 0.0f,
-                                       static_cast<float>(kSteps));
+        const float light =
+            std::clamp(in[4 * x + channel] * scale, 0.0f, static_cast<float>(kSteps));
         out[3 * x + channel] = values[static_cast<size_t>(light + 0.5f)];
       }
     }

@@ -93,10 +93,18 @@ void PixelShader::SetUp(int t) {
   const Eigen::Vector3d across = (x.col(1) - x.col(0)).cross(x.col(2) - x.col(0));
   flat_normal_ = across.normalized().cast<float>();
   if (across.dot(x.col(0)) > 0) flat_normal_ = -flat_normal_;
-  if (mesh_->normals.cols() > 0) {
+  flat_surroundings_ = Surroundings(flat_normal_);
+  near_lamps_.clear();
+  const bool smooth = mesh_->normals.cols() > 0;
+  if (smooth) {
     Eigen::Matrix3d normals;
     for (int i = 0; i < 3; ++i) normals.col(i) = mesh_->normals.col(own[i]).cast<double>();
     normal_ = camera_.camera_from_world.rotation * normals * weights;
+  }
+  const Eigen::Matrix3f in_front =
+      x.cast<float>().colwise() + Eigen::Vector3f(kShadowOffsetM * flat_normal_);
+  for (const LampView& view : lamps_) {
+    if (smooth || !view.Misses(in_front)) near_lamps_.push_back(&view);
   }
 }
 
@@ -112,18 +120,17 @@ Eigen::Array4f PixelShader::Colour(const Eigen::Vector3d& at, double w) const {
   return Light4(bgr.array().max(0.0f).min(1.0f));
 }
 
-Eigen::Array4f PixelShader::Light(const Eigen::Vector3f& normal, const Eigen::Vector3f& x) const {
+Eigen::Array4f PixelShader::Surroundings(const Eigen::Vector3f& normal) const {
   const float upwards = 0.5f + 0.5f * normal.dot(up_);
-  Eigen::Array4f light = upwards * sky_ + (1 - upwards) * ground_;
-  if (mesh_->is_floor && scene_.contact != nullptr) {
-    light *= 1 - scene_.contact->At(world_x_.dot(x) + eye_in_world_.x(),
-                                    world_z_.dot(x) + eye_in_world_.z());
-  }
-  float facing = normal.dot(to_lamp_);
-  if (facing <= 0) return light;
-  const Eigen::Vector3f in_front = x + kShadowOffsetM * normal;
-  for (const LampView& view : lamps_) facing *= view.Visibility(in_front);
-  return light + facing * lamp_;
+  return upwards * sky_ + (1 - upwards) * ground_;
+}
+
+// Unit, on the side that is seen.
+Eigen::Vector3f PixelShader::SmoothNormal(const Eigen::Vector3d& at, double w) const {
+  const Eigen::Vector3f smooth = (w * (normal_ * at)).cast<float>();
+  const float length = smooth.norm();
+  if (!(length > 1e-6f && std::isfinite(length))) return flat_normal_;
+  return smooth * ((flat_normal_.dot(smooth) < 0 ? -1.0f : 1.0f) / length);
 }
 
 Eigen::Array4f PixelShader::ShadeKnown(int column, int row, float z) const {
@@ -131,18 +138,21 @@ Eigen::Array4f PixelShader::ShadeKnown(int column, int row, float z) const {
   const double w = 1 / weight_sum_.dot(at);
   const Eigen::Array4f colour = Colour(at, w);
   if (mesh_->glows) return colour;
-  const Eigen::Vector3f ray = (ray_from_pixel_ * at).cast<float>();
-  Eigen::Vector3f normal = flat_normal_;
-  if (mesh_->normals.cols() > 0) {
-    const Eigen::Vector3f smooth = (w * (normal_ * at)).cast<float>();
-    const float length = smooth.norm();
-    if (length > 1e-6f && std::isfinite(length)) {
-      // The side that is seen.
-      const float side = flat_normal_.dot(smooth) < 0 ? -1.0f : 1.0f;
-      normal = smooth * (side / length);
-    }
+  const bool smooth = mesh_->normals.cols() > 0;
+  const Eigen::Vector3f normal = smooth ? SmoothNormal(at, w) : flat_normal_;
+  Eigen::Array4f light = smooth ? Surroundings(normal) : flat_surroundings_;
+  const Eigen::Vector3f x = z * (ray_from_pixel_ * at).cast<float>();
+  if (mesh_->is_floor && scene_.contact != nullptr) {
+    light *= 1 - scene_.contact->At(world_x_.dot(x) + eye_in_world_.x(),
+                                    world_z_.dot(x) + eye_in_world_.z());
   }
-  return colour * Light(normal, z * ray);
+  float facing = normal.dot(to_lamp_);
+  if (facing > 0) {
+    const Eigen::Vector3f in_front = x + kShadowOffsetM * normal;
+    for (const LampView* view : near_lamps_) facing *= view->Visibility(in_front);
+    light += facing * lamp_;
+  }
+  return colour * light;
 }
 
 }  // namespace mpc

@@ -12,9 +12,9 @@
 namespace mpc {
 namespace {
 
-constexpr double kCellM = 0.025;       // of a contact map
-constexpr double kBelowFloorM = 30;    // from where it is looked at: nearly parallel rays
-constexpr double kContactReachM = 0.1; // height at which a body's darkness has fallen to 1 / e
+constexpr double kCellM = 0.025;        // of a contact map
+constexpr double kBelowFloorM = 30;     // from where it is looked at: nearly parallel rays
+constexpr double kContactReachM = 0.1;  // height at which a body's darkness has fallen to 1 / e
 constexpr double kContactBlurM = 0.04;
 constexpr float kContactStrength = 0.75f;
 
@@ -57,11 +57,14 @@ ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
                             to_centre.norm(), radius));
   }
   const Eigen::Matrix3d rotation = CameraFromRay(to_centre).transpose();
-  const Eigen::Matrix3Xf in_lamp =
-      (rotation.cast<float>() * mesh.positions).colwise() - (rotation * lamp_in_world).cast<float>();
+  const Eigen::Matrix3Xf in_lamp = (rotation.cast<float>() * mesh.positions).colwise() -
+                                   (rotation * lamp_in_world).cast<float>();
   // One texel more all around, so that the border of the map is lit.
-  const Eigen::Array2d reach = (in_lamp.topRows<2>().array().abs().rowwise() /
-                                in_lamp.row(2).array()).rowwise().maxCoeff().cast<double>();
+  const Eigen::Array2d reach =
+      (in_lamp.topRows<2>().array().abs().rowwise() / in_lamp.row(2).array())
+          .rowwise()
+          .maxCoeff()
+          .cast<double>();
   Camera& lamp = map.lamp;
   lamp.name = "lamp";
   lamp.width = lamp.height = side_px;
@@ -86,6 +89,13 @@ LampView::LampView(const ShadowMap& map, const CameraFromWorld& camera_from_worl
   pixel_from_point_ = (pixel_from_lamp * rotation).cast<float>();
   offset_ = (pixel_from_lamp * (pose.translation - rotation * camera_from_world.translation))
                 .cast<float>();
+}
+
+bool LampView::Misses(const Eigen::Matrix3f& corners) const {
+  // The map's four sides are planes through the lamp.
+  const Eigen::Matrix3f p = (pixel_from_point_ * corners).colwise() + offset_;
+  const Eigen::Array3f x = p.row(0), y = p.row(1), limit = last_ * p.row(2);
+  return (x < 0).all() || (y < 0).all() || (x >= limit).all() || (y >= limit).all();
 }
 
 float LampView::InMap(const Eigen::Vector3f& p) const {
@@ -122,7 +132,8 @@ ContactMap MakeContactMap(std::span<const TriangleMesh* const> bodies) {
   const double margin = 0.3;
   const Eigen::Vector3d least = mesh.positions.rowwise().minCoeff().cast<double>();
   const Eigen::Vector3d most = mesh.positions.rowwise().maxCoeff().cast<double>();
-  const Eigen::Vector2d size = {most.x() - least.x() + 2 * margin, most.z() - least.z() + 2 * margin};
+  const Eigen::Vector2d size = {most.x() - least.x() + 2 * margin,
+                                most.z() - least.z() + 2 * margin};
   const Eigen::Vector2i cells = (size / kCellM).cast<int>().cwiseMin(1024).array() + 1;
   // Looking straight up from below the floor: x to the right, z down the picture.
   Camera camera;
@@ -132,8 +143,8 @@ ContactMap MakeContactMap(std::span<const TriangleMesh* const> bodies) {
   Eigen::Matrix3d rotation;
   rotation << 1, 0, 0, 0, 0, 1, 0, 1, 0;  // a mirror image, which the rasteriser does not mind
   const Eigen::Vector3d eye(least.x() - margin, -kBelowFloorM, least.z() - margin);
-  const Eigen::Matrix3Xf seen = (rotation.cast<float>() * mesh.positions).colwise() -
-                                (rotation * eye).cast<float>();
+  const Eigen::Matrix3Xf seen =
+      (rotation.cast<float>() * mesh.positions).colwise() - (rotation * eye).cast<float>();
   RasterBuffers buffers;
   RasterizeMesh(camera, seen, mesh.triangles, {}, &buffers);
   map.darkness = cv::Mat::zeros(cells.y(), cells.x(), CV_32F);

@@ -50,7 +50,8 @@ Texture::Texture(const cv::Mat& bgr) {
 Eigen::Array4f Texture::Sample(double u, double v, double uv_area) const {
   // The exponent of the pixel's area in texels: a quarter of the texels per level.
   const auto texels = static_cast<float>(uv_area * width() * height());
-  const int exponent = texels > 1 ? static_cast<int>(std::bit_cast<uint32_t>(texels) >> 23) - 127 : 0;
+  const int exponent =
+      texels > 1 ? static_cast<int>(std::bit_cast<uint32_t>(texels) >> 23) - 127 : 0;
   const cv::Mat& level =
       levels_[std::min(static_cast<size_t>((exponent + 1) / 2), levels_.size() - 1)];
   const float x = static_cast<float>(Fraction(u)) * static_cast<float>(level.cols) - 0.5f;

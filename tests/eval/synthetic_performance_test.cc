@@ -8,9 +8,8 @@
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
-#include "mpc/eval/metrics.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/motions.h"
-#include "mpc/eval/procedural_actor.h"
 #include "mpc/render/lit_scene.h"
 #include "mpc/render/raster.h"
 #include "mpc/skeleton/rig_map.h"
@@ -25,7 +24,7 @@ constexpr double kFps = 10;
 class SyntheticPerformanceTest : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    rig_ = new RigAsset(ProceduralActor());
+    rig_ = new RigAsset(MakeDressedActor().rig);
     character_ = new Character(BuildCharacter(*rig_, MapRigByNames(*rig_)));
   }
   static void TearDownTestSuite() {
@@ -87,12 +86,12 @@ TEST_F(SyntheticPerformanceTest, OccludersAreTakenOutOfTheMask) {
   const auto scene = MakeScene(performance, *rig_, *character_);
   const Camera camera = performance.camera.InFrame(1);
   const Eigen::Matrix3Xf& vertices = performance.acting.vertices[1];
-  const cv::Mat actor = MeshMask(camera, ToCamera(camera.camera_from_world, vertices),
-                                 character_->mesh.triangles);
+  const cv::Mat actor =
+      MeshMask(camera, ToCamera(camera.camera_from_world, vertices), character_->mesh.triangles);
   // They stand in front of the actor, so they hide all that they cover.
-  const cv::Mat post = MeshMask(
-      camera, ToCamera(camera.camera_from_world, scene->occluders().positions),
-      scene->occluders().triangles);
+  const cv::Mat post =
+      MeshMask(camera, ToCamera(camera.camera_from_world, scene->occluders().positions),
+               scene->occluders().triangles);
   const cv::Mat mask = scene->Mask(camera, {vertices, camera.camera_from_world});
   EXPECT_EQ(cv::countNonZero(mask != (actor & ~post)), 0);
   EXPECT_GT(cv::countNonZero(actor & post), 20);
@@ -133,7 +132,8 @@ TEST_F(SyntheticPerformanceTest, BlurOfAStillSceneChangesNothing) {
   PerformanceOptions options = Options(CameraMotion::kStatic);
   options.scene.moving_background = false;
   options.scene.shutter = 0;
-  const std::vector<RenderedFrame> sharp = Render(MakePerformance(*character_, StandStill(), options));
+  const std::vector<RenderedFrame> sharp =
+      Render(MakePerformance(*character_, StandStill(), options));
   options.scene.shutter = 1;
   const std::vector<RenderedFrame> blurred =
       Render(MakePerformance(*character_, StandStill(), options));
@@ -248,9 +248,11 @@ TEST_F(SyntheticPerformanceTest, ThreadsAndRunsGiveTheSameBytes) {
 
 TEST_F(SyntheticPerformanceTest, SensorNoiseHasTheSizeAskedFor) {
   PerformanceOptions options = Options(CameraMotion::kStatic);
-  const std::vector<RenderedFrame> clean = Render(MakePerformance(*character_, StandStill(), options));
+  const std::vector<RenderedFrame> clean =
+      Render(MakePerformance(*character_, StandStill(), options));
   options.scene.sensor_noise = 4;
-  const std::vector<RenderedFrame> noisy = Render(MakePerformance(*character_, StandStill(), options));
+  const std::vector<RenderedFrame> noisy =
+      Render(MakePerformance(*character_, StandStill(), options));
   cv::Mat difference, mean, deviation;
   cv::subtract(noisy[0].bgr, clean[0].bgr, difference, cv::noArray(), CV_32F);
   // Where nothing saturates.
@@ -293,7 +295,8 @@ TEST_F(SyntheticPerformanceTest, MisuseIsRefused) {
   EXPECT_MPC_ERROR(MakePerformance(*character_, broken, options), kInvalidArgument, "not finite");
   broken.vertices.pop_back();
   EXPECT_MPC_ERROR(MakePerformance(*character_, broken, options), kInvalidArgument, "7 frames");
-  EXPECT_MPC_ERROR(MakePerformance(*character_, Acting{}, options), kInvalidArgument, "without frames");
+  EXPECT_MPC_ERROR(MakePerformance(*character_, Acting{}, options), kInvalidArgument,
+                   "without frames");
   RigAsset textured = *rig_;
   textured.meshes[0].texture = {1, 2, 3};
   const SyntheticPerformance performance = MakePerformance(*character_, Walk(), options);

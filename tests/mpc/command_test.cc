@@ -204,10 +204,10 @@ std::vector<std::string> SynthArguments(const fs::path& folder,
 TEST_F(CommandTest, SynthWritesTheWholeTruth) {
   const fs::path clip = folder_ / "clip";
   ASSERT_EQ(RunCommand(SynthArguments(clip, {"--camera", "handheld"})).exit_code, 0);
-  EXPECT_THAT(FilesIn(clip), ::testing::UnorderedElementsAre(
-                                 "actor.glb", "camera.json", "clip.mp4", "detections2d.json",
-                                 "detections3d.json", "masks", "truth.json", "truth.trc",
-                                 "vertices.pc2"));
+  EXPECT_THAT(FilesIn(clip),
+              ::testing::UnorderedElementsAre("actor.glb", "camera.json", "clip.mp4",
+                                              "detections2d.json", "detections3d.json", "masks",
+                                              "truth.json", "truth.trc", "vertices.pc2"));
   const nlohmann::json truth = nlohmann::json::parse(ReadFile(clip / "truth.json"));
   EXPECT_EQ(truth["format"], "mpc-truth");
   EXPECT_EQ(truth["frames"], 6);
@@ -230,8 +230,7 @@ TEST_F(CommandTest, SynthWritesTheWholeTruth) {
     vertices.Read(f, &x);
     cv::Mat mask;
     ASSERT_TRUE(masks.Read(&mask));
-    const cv::Mat drawn =
-        MeshMask(camera, ToCamera(motion[f], x), character.mesh.triangles);
+    const cv::Mat drawn = MeshMask(camera, ToCamera(motion[f], x), character.mesh.triangles);
     EXPECT_GT(cv::countNonZero(drawn), 100);
     EXPECT_EQ(cv::countNonZero(drawn != mask), 0) << f;
   }
@@ -287,12 +286,20 @@ TEST_F(CommandTest, SynthRefusesBadInputsInOneSentence) {
   WriteBvh(bvh, BvhFromPoses(skeleton, MakeMotion(skeleton, MotionKind::kWalk, 0.5, 30), 30));
   refused({"--motion", bvh.string(), "--start", "7"}, "behind its end");
   refused({"--start", "7"}, "--start");
+  refused({"--fov", "nan"}, "fov");
+  refused({"--seconds", "nan"}, "nan s");
   refused({"--actor", (folder_ / "none.glb").string()}, "none.glb");
   refused({"--actor", folder_.Write("garbage.glb", "no mesh").string()}, "garbage.glb");
   ExpectOneSentence(RunCommand(SynthArguments("/proc/clip")), "/proc/clip");
-  for (const std::vector<std::string>& usage : std::vector<std::vector<std::string>>{
-           {"--motion", "fly"}, {"--camera", "crane"}, {"--noise", "none"}, {"--shutter", "2"},
-           {"--samples", "0"}, {"--fov", "nan"}, {"--place", "moon"}, {"--seconds", "-1"}}) {
+  for (const std::vector<std::string>& usage :
+       std::vector<std::vector<std::string>>{{"--motion", "fly"},
+                                             {"--camera", "crane"},
+                                             {"--noise", "none"},
+                                             {"--shutter", "2"},
+                                             {"--samples", "0"},
+                                             {"--outfit", "kilt"},
+                                             {"--place", "moon"},
+                                             {"--seconds", "-1"}}) {
     EXPECT_EQ(RunCommand(SynthArguments(clip, usage)).exit_code, 2) << usage[0] << usage[1];
   }
   EXPECT_EQ(RunCommand({"synth"}).exit_code, 2);
@@ -311,9 +318,9 @@ TEST_F(CommandTest, CtrlCLeavesNoHalfSynthesizedClip) {
   process.Signal(SIGINT);
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
-  EXPECT_THAT(FilesIn(clip), ::testing::UnorderedElementsAre(
-                                 "actor.glb", "camera.json", "detections2d.json",
-                                 "detections3d.json", "truth.trc", "vertices.pc2"));
+  EXPECT_THAT(FilesIn(clip),
+              ::testing::UnorderedElementsAre("actor.glb", "camera.json", "detections2d.json",
+                                              "detections3d.json", "truth.trc", "vertices.pc2"));
 }
 
 TEST_F(CommandTest, SegmentsWhatWasCaptured) {

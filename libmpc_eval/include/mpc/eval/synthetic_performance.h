@@ -48,7 +48,7 @@ struct PerformanceOptions {
 // What is acted.
 struct Acting {
   double fps = 30;
-  Eigen::MatrixXd poses;                  // N x F, world
+  Eigen::MatrixXd poses;                   // N x F, world
   std::vector<Eigen::Matrix3Xf> vertices;  // F times 3xV in the character's order, world
 };
 

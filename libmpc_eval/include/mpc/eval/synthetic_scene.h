@@ -30,10 +30,10 @@ struct SceneOptions {
   uint64_t seed = 1;              // of place, light, colours and sensor noise
   bool moving_background = true;  // something swings, rolls or passes by behind the actor
   bool occluders = false;         // a post and a box between camera and actor
-  double shutter = 0.5;           // how long it is open, in frames, 0 to 1; centred on the frame's time
-  int samples = 4;                // pictures per frame that are averaged, 1 to 64: blur, smooth edges
-                                  // and soft shadows
-  double sensor_noise = 2;        // standard deviation per channel, of 255; 0 to 100
+  double shutter = 0.5;     // how long it is open, in frames, 0 to 1; centred on the frame's time
+  int samples = 4;          // pictures per frame that are averaged, 1 to 64: blur, smooth edges
+                            // and soft shadows
+  double sensor_noise = 2;  // standard deviation per channel, of 255; 0 to 100
 
   // Throws Error (kInvalidArgument) naming every fault.
   void Validate() const;
@@ -42,8 +42,8 @@ struct SceneOptions {
 // Where actor and camera are during the whole clip.
 struct StageBounds {
   Eigen::AlignedBox3d actor;
-  Eigen::AlignedBox3d camera;   // its centre
-  double half_fov_rad = 0.5;    // of the wider side
+  Eigen::AlignedBox3d camera;  // its centre
+  double half_fov_rad = 0.5;   // of the wider side
 };
 
 // What is seen at one moment.

@@ -21,21 +21,21 @@
 namespace mpc {
 
 struct LitMesh {
-  TriangleMesh mesh;        // in the world
-  Eigen::Matrix3Xf normals; // 3xV unit normals; empty: flat triangles
-  Eigen::Matrix2Xf uv;      // 2xV, with a texture
+  TriangleMesh mesh;         // in the world
+  Eigen::Matrix3Xf normals;  // 3xV unit normals; empty: flat triangles
+  Eigen::Matrix2Xf uv;       // 2xV, with a texture
   std::shared_ptr<const Texture> texture;
-  Eigen::Matrix3Xf vertex_bgr;        // 3xV, 0 to 255, without a texture
-  cv::Vec3f bgr = {200, 200, 200};    // without either; multiplies neither
-  bool glows = false;                 // unlit: a sky, a lamp
-  bool is_floor = false;              // darkened by contact
+  Eigen::Matrix3Xf vertex_bgr;      // 3xV, 0 to 255, without a texture
+  cv::Vec3f bgr = {200, 200, 200};  // without either; multiplies neither
+  bool glows = false;               // unlit: a sky, a lamp
+  bool is_floor = false;            // darkened by contact
 };
 
 struct Lighting {
-  Eigen::Vector3d lamp_in_world = {10, 30, 20};           // far from everything
-  Eigen::Array3f lamp_bgr = {0.75f, 0.8f, 0.85f};         // light on a surface that faces it, linear
-  Eigen::Array3f sky_bgr = {0.45f, 0.42f, 0.38f};         // on a surface that faces up
-  Eigen::Array3f ground_bgr = {0.18f, 0.18f, 0.18f};      // on one that faces down
+  Eigen::Vector3d lamp_in_world = {10, 30, 20};       // far from everything
+  Eigen::Array3f lamp_bgr = {0.75f, 0.8f, 0.85f};     // light on a surface that faces it, linear
+  Eigen::Array3f sky_bgr = {0.45f, 0.42f, 0.38f};     // on a surface that faces up
+  Eigen::Array3f ground_bgr = {0.18f, 0.18f, 0.18f};  // on one that faces down
 };
 
 struct LitScene {

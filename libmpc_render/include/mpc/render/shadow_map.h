@@ -42,6 +42,9 @@ class LampView {
     return InMap(p);
   }
 
+  // No point of the triangle between these corners lies within the map: all of it is lit.
+  bool Misses(const Eigen::Matrix3f& corners) const;
+
  private:
   float InMap(const Eigen::Vector3f& p) const;
 

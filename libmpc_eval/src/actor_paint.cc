@@ -93,10 +93,10 @@ Vec3f Patterned(Pattern pattern, const Vec3f& first, const Vec3f& second, double
 }  // namespace
 
 Wardrobe DrawWardrobe(uint64_t seed, double build) {
-  static constexpr std::array<int, 6> kSkin = {0xe8b894, 0xd9a27c, 0xf0c8a8, 0xb57c55, 0x8a5a3c,
-                                               0xc98f68};
-  static constexpr std::array<int, 6> kHair = {0x2c1d14, 0x4a2f1b, 0x17120f, 0x7a5230, 0x9c7442,
-                                               0x3a2418};
+  static constexpr std::array<int, 6> kSkin = {0xe8b894, 0xd9a27c, 0xf0c8a8,
+                                               0xb57c55, 0x8a5a3c, 0xc98f68};
+  static constexpr std::array<int, 6> kHair = {0x2c1d14, 0x4a2f1b, 0x17120f,
+                                               0x7a5230, 0x9c7442, 0x3a2418};
   static constexpr std::array<int, 4> kIris = {0x4a3020, 0x3e5a78, 0x4c6640, 0x2a1c14};
   // Pairs that stand off from each other.
   static constexpr std::array<std::array<int, 2>, 8> kTops = {{{0xb03030, 0x28304a},
@@ -107,7 +107,8 @@ Wardrobe DrawWardrobe(uint64_t seed, double build) {
                                                                {0x6b3f86, 0xe0cfe8},
                                                                {0xd5c14a, 0x2b4a63},
                                                                {0x3aa0a8, 0xf1efe6}}};
-  static constexpr std::array<int, 5> kTrousers = {0x2b3a55, 0x54514c, 0x8c7a5c, 0x26262b, 0x4a5f7d};
+  static constexpr std::array<int, 5> kTrousers = {0x2b3a55, 0x54514c, 0x8c7a5c, 0x26262b,
+                                                   0x4a5f7d};
   static constexpr std::array<int, 4> kShoes = {0x2a201a, 0x5e3b24, 0xb9b4aa, 0x7a1f24};
   static constexpr std::array<std::array<int, 2>, 5> kGarments = {{{0x7a2b3c, 0xd8b48a},
                                                                    {0x24507a, 0xd9e0e6},
@@ -157,12 +158,14 @@ cv::Vec3f ActorPaint::Head(const Vector3d& x) const {
   }
   const Vec3f dark = colours_.hair * 0.6F;
   // Blush, shade beside the nose and in the sockets.
-  colour = Mix(colour, colours_.lips, 0.25 * (1 - Ramp(std::hypot(ax - 0.024, at.y() + 0.088), 0.004, 0.016)));
+  colour = Mix(colour, colours_.lips,
+               0.25 * (1 - Ramp(std::hypot(ax - 0.024, at.y() + 0.088), 0.004, 0.016)));
   const double socket = std::hypot((ax - 0.018) / 0.013, (at.y() + 0.061) / 0.009);
   colour = Mix(colour, colours_.skin * 0.72F, 0.6 * (1 - Ramp(socket, 0.5, 1.1)));
   const double side = std::hypot((ax - 0.0085) / 0.003, (at.y() + 0.086) / 0.007);
   colour = Mix(colour, colours_.skin * 0.75F, 0.5 * (1 - Ramp(side, 0.3, 1)));
-  if (std::hypot((ax - 0.0042) / 0.0024, (at.y() + 0.0915) / 0.0016) < 1) return colours_.skin * 0.35F;
+  if (std::hypot((ax - 0.0042) / 0.0024, (at.y() + 0.0915) / 0.0016) < 1)
+    return colours_.skin * 0.35F;
   // Eyes.
   const double ex = ax - 0.0182, ey = at.y() + 0.0635;
   const double lid = 0.0040 * std::sqrt(std::max(0.0, 1 - ex * ex / (0.0088 * 0.0088)));
@@ -174,7 +177,8 @@ cv::Vec3f ActorPaint::Head(const Vector3d& x) const {
     return {228, 232, 236};
   }
   if (std::abs(ex) < 0.0098 && ey >= lid && ey < lid + 0.0016) return dark * 0.5F;
-  if (std::abs(ex) < 0.0088 && ey <= -0.8 * lid && ey > -0.8 * lid - 0.0006) return colours_.skin * 0.6F;
+  if (std::abs(ex) < 0.0088 && ey <= -0.8 * lid && ey > -0.8 * lid - 0.0006)
+    return colours_.skin * 0.6F;
   // Brows: an arc that thins outwards.
   const double bx = (ax - 0.0185) / 0.0135;
   const double by = at.y() + 0.0515 + 0.0025 * bx * bx;
@@ -217,7 +221,8 @@ cv::Vec3f ActorPaint::Shirt(const Vector3d& x) const {
       // A shirt shows between the lapels.
       const double open = 0.012 + 0.16 * std::max(0.0, x.y() - 0.13);
       if (ax < open) {
-        colour = Patterned(colours_.shirt_pattern, colours_.shirt, colours_.shirt_second, x.x(), x.y());
+        colour =
+            Patterned(colours_.shirt_pattern, colours_.shirt, colours_.shirt_second, x.x(), x.y());
       } else if (ax < open + 0.016) {
         colour = colour * 0.7F;
       }
@@ -242,7 +247,8 @@ cv::Vec3f ActorPaint::Leg(const Vector3d& x) const {
   }
   if (x.y() < shape_.trouser_y()) {
     const bool bare = outfit_ == Outfit::kSkirt;
-    if (bare && x.y() > f.ankle.y() + 0.03) return colours_.skin * static_cast<float>(1 + 0.03 * Noise(x, 0.02));
+    if (bare && x.y() > f.ankle.y() + 0.03)
+      return colours_.skin * static_cast<float>(1 + 0.03 * Noise(x, 0.02));
     return Fabric({210, 208, 205}, x);  // socks
   }
   Vec3f colour = colours_.trousers;
@@ -253,7 +259,8 @@ cv::Vec3f ActorPaint::Leg(const Vector3d& x) const {
   }
   // Side seams, fly, pockets, worn thighs.
   const bool side = ax > f.hip.x() && std::abs(x.z()) < 0.0016;
-  const bool pocket = x.z() > 0 && x.y() > -0.03 && std::abs(x.y() - 0.02 + 0.8 * (ax - 0.05)) < 0.0014 && ax > 0.045;
+  const bool pocket = x.z() > 0 && x.y() > -0.03 &&
+                      std::abs(x.y() - 0.02 + 0.8 * (ax - 0.05)) < 0.0014 && ax > 0.045;
   const bool fly = x.z() > 0 && ax < 0.0012 && x.y() > -0.05;
   const bool knee_seam = std::abs(x.y() - shape_.trouser_y() - 0.012) < 0.0012;
   if (side || pocket || fly || knee_seam) colour = colour * 0.6F;
@@ -274,7 +281,9 @@ cv::Vec3b ActorPaint::Body(const Vector3d& x) const {
     colour = colours_.skin * static_cast<float>(1 + 0.04 * Noise(x, 0.015));
     if (along > 0.052 && Band(x.z() + 0.0005, 0.0092, 0.0014)) colour = colour * 0.72F;
   } else if (x.y() > collar && ax < 0.062) {
-    colour = x.y() > f.neck.y() + 0.02 ? Head(x) : colours_.skin * static_cast<float>(1 + 0.03 * Noise(x, 0.012));
+    colour = x.y() > f.neck.y() + 0.02
+                 ? Head(x)
+                 : colours_.skin * static_cast<float>(1 + 0.03 * Noise(x, 0.012));
     if (x.y() < collar + 0.005) colour = colour * 0.7F;
   } else if (x.y() > shape_.hem_y()) {
     colour = Shirt(x);

@@ -27,8 +27,7 @@ double BoxDistance(const Solid& solid, const Vector3d& x) {
 // Solids too far away to matter are not evaluated.
 double Union(const std::vector<Solid>& solids, const Vector3d& x, double start, double reach) {
   for (const Solid& solid : solids) {
-    if (BoxDistance(solid, x) < start + reach)
-      start = SmoothUnion(start, solid.Distance(x), reach);
+    if (BoxDistance(solid, x) < start + reach) start = SmoothUnion(start, solid.Distance(x), reach);
   }
   return start;
 }
@@ -122,7 +121,7 @@ Solid::Station Solid::Section(double at) const {
   const Station& after = stations[std::min(i + 2, n - 1)];
   const double length = q.at - p.at;
   const double t = (at - p.at) / length;
-  const auto cubic = [&](double Station::* value) {
+  const auto cubic = [&](double Station::*value) {
     const double slope_p = length * (q.*value - before.*value) / (q.at - before.at);
     const double slope_q = length * (after.*value - p.*value) / (after.at - p.at);
     const double t2 = t * t;
@@ -145,8 +144,7 @@ double Solid::Distance(const Vector3d& x) const {
   const double v = (x.z() - section.v) / section.rv;
   const double k0 = std::hypot(u, v);
   const double k1 = std::hypot(u / section.ru, v / section.rv);
-  const double across =
-      k1 < 1e-9 ? -std::min(section.ru, section.rv) : k0 * (k0 - 1) / k1;
+  const double across = k1 < 1e-9 ? -std::min(section.ru, section.rv) : k0 * (k0 - 1) / k1;
   const double beyond = std::max(stations.front().at - x[axis], x[axis] - stations.back().at);
   if (across > 0 && beyond > 0) return std::hypot(across, beyond);
   return std::max(across, beyond);
@@ -201,9 +199,10 @@ void ActorShape::AddTrunk(const DressedActorOptions& o) {
       {0.316 * t, 0, -0.013, 0.040, 0.034},
   };
   Widen(&stations, o.girth);
-  trunk_ = {Loft(kChest, 1, stations),
-            Ellipsoid(kHips, {0.040, -0.022 * t, -0.034}, {0.050 * o.girth, 0.048, 0.040 * o.girth}),
-            Ellipsoid(kHips, {-0.040, -0.022 * t, -0.034}, {0.050 * o.girth, 0.048, 0.040 * o.girth})};
+  trunk_ = {
+      Loft(kChest, 1, stations),
+      Ellipsoid(kHips, {0.040, -0.022 * t, -0.034}, {0.050 * o.girth, 0.048, 0.040 * o.girth}),
+      Ellipsoid(kHips, {-0.040, -0.022 * t, -0.034}, {0.050 * o.girth, 0.048, 0.040 * o.girth})};
   if (f > 0) {
     const Vector3d radii = o.girth * f * Vector3d(0.037, 0.036, 0.030);
     trunk_.push_back(Ellipsoid(kChest, {0.038, 0.204 * t, 0.040}, radii));
@@ -247,11 +246,16 @@ void ActorShape::AddArm(const DressedActorOptions& o) {
   const double thin = o.girth * Mix(1, 0.88, o.build);
   const auto x = [&](double from_shoulder) { return frame_.shoulder.x() + l * from_shoulder; };
   std::vector<Solid::Station> stations = {
-      {x(-0.020), y - 0.008, -0.004, 0.036, 0.038}, {x(0.012), y - 0.003, -0.003, 0.0365, 0.038},
-      {x(0.050), y - 0.001, -0.001, 0.0315, 0.0335}, {x(0.100), y - 0.001, 0, 0.029, 0.031},
-      {x(0.150), y, 0, 0.0245, 0.0255},              {x(0.186), y, 0, 0.0225, 0.0240},
-      {x(0.222), y, 0, 0.0245, 0.0260},              {x(0.265), y, 0, 0.0212, 0.0222},
-      {x(0.312), y, 0, 0.0158, 0.0182},              {x(0.338), y, 0, 0.0145, 0.0180},
+      {x(-0.020), y - 0.008, -0.004, 0.036, 0.038},
+      {x(0.012), y - 0.003, -0.003, 0.0365, 0.038},
+      {x(0.050), y - 0.001, -0.001, 0.0315, 0.0335},
+      {x(0.100), y - 0.001, 0, 0.029, 0.031},
+      {x(0.150), y, 0, 0.0245, 0.0255},
+      {x(0.186), y, 0, 0.0225, 0.0240},
+      {x(0.222), y, 0, 0.0245, 0.0260},
+      {x(0.265), y, 0, 0.0212, 0.0222},
+      {x(0.312), y, 0, 0.0158, 0.0182},
+      {x(0.338), y, 0, 0.0145, 0.0180},
   };
   Widen(&stations, thin);
   const Vector3d& w = frame_.wrist;
@@ -259,11 +263,11 @@ void ActorShape::AddArm(const DressedActorOptions& o) {
   const auto at = [&](double dx, double dy, double dz) {
     return Vector3d(w + Vector3d(l * dx, dy, dz));
   };
-  arm_ = {Loft(kLeftUpperArm, 0, stations),
-          Ellipsoid(kLeftHand, at(0.034, -0.001, 0.002), {0.038 * l, 0.0125 * h, 0.0225 * h}),
-          Ellipsoid(kLeftHand, at(0.070, -0.005, 0.000), {0.034 * l, 0.0090 * h, 0.0195 * h}),
-          Cone(kLeftHand, at(0.016, -0.004, 0.016), 0.0095 * h, at(0.050, -0.010, 0.037),
-               0.0075 * h)};
+  arm_ = {
+      Loft(kLeftUpperArm, 0, stations),
+      Ellipsoid(kLeftHand, at(0.034, -0.001, 0.002), {0.038 * l, 0.0125 * h, 0.0225 * h}),
+      Ellipsoid(kLeftHand, at(0.070, -0.005, 0.000), {0.034 * l, 0.0090 * h, 0.0195 * h}),
+      Cone(kLeftHand, at(0.016, -0.004, 0.016), 0.0095 * h, at(0.050, -0.010, 0.037), 0.0075 * h)};
   const bool loose = o.outfit == Outfit::kCasual || o.outfit == Outfit::kCoat;
   cuff_x_ = o.outfit == Outfit::kCoat ? w.x() - 0.004 : x(0.118);
   if (o.outfit == Outfit::kTight) cuff_x_ = x(0.075);
@@ -272,8 +276,8 @@ void ActorShape::AddArm(const DressedActorOptions& o) {
   for (const Solid::Station& s : stations) {
     if (s.at > cuff_x_) break;
     const double add = o.outfit == Outfit::kCoat ? 0.0095 : 0.008;
-    sleeve.push_back({s.at, s.u - 0.002, s.v, std::max(s.ru, 0.023) + add,
-                      std::max(s.rv, 0.023) + add});
+    sleeve.push_back(
+        {s.at, s.u - 0.002, s.v, std::max(s.ru, 0.023) + add, std::max(s.rv, 0.023) + add});
   }
   Solid::Station cuff = sleeve.back();
   cuff.at = cuff_x_;
@@ -312,8 +316,8 @@ void ActorShape::AddLeg(const DressedActorOptions& o) {
   const Vector3d& b = frame_.ball;
   leg_ = {Loft(kLeftUpperLeg, 1, stations),
           Ellipsoid(kLeftFoot, a + Vector3d(0, -0.017, -0.014), {0.0235, 0.026, 0.0285}),
-          Cone(kLeftFoot, a + Vector3d(0, -0.008, 0.004), 0.0235, b + Vector3d(0.001, 0.004, -0.012),
-               0.0215),
+          Cone(kLeftFoot, a + Vector3d(0, -0.008, 0.004), 0.0235,
+               b + Vector3d(0.001, 0.004, -0.012), 0.0215),
           Ellipsoid(kLeftToes, b + Vector3d(0.003, -0.002, 0.012), {0.0275, 0.0165, 0.037})};
   leg_section_ = leg_.front();
 }
@@ -322,7 +326,7 @@ double ActorShape::HairDistance(const Vector3d& left) const {
   const double distance = Union(hair_, left, kFar, 0.012);
   // No hair before the hairline: forehead, temples, in front of the ears; nor below the nape.
   const double below = frame_.crown.y() - left.y();
-  const double line = below < 0.030 ? 0.060
+  const double line = below < 0.030   ? 0.060
                       : below < 0.060 ? Mix(0.045, 0.012, (below - 0.030) / 0.030)
                                       : Mix(0.012, -0.016, std::min((below - 0.060) / 0.050, 1.0));
   const double nape = hair_.size() > 1 && hair_[1].radii.y() > 0.03 ? 0.135 : 0.114;
@@ -375,11 +379,15 @@ RigPart ActorShape::NearestPart(const Vector3d& x) const {
       part = left.y() < frame_.chest.y() ? kSpine : kChest;
     }
   } else if (part == kLeftUpperArm) {
-    if (left.x() > frame_.wrist.x()) part = kLeftHand;
-    else if (left.x() > frame_.elbow.x()) part = kLeftLowerArm;
+    if (left.x() > frame_.wrist.x())
+      part = kLeftHand;
+    else if (left.x() > frame_.elbow.x())
+      part = kLeftLowerArm;
   } else if (part == kLeftUpperLeg) {
-    if (left.y() < frame_.ankle.y()) part = kLeftFoot;
-    else if (left.y() < frame_.knee.y()) part = kLeftLowerLeg;
+    if (left.y() < frame_.ankle.y())
+      part = kLeftFoot;
+    else if (left.y() < frame_.knee.y())
+      part = kLeftLowerLeg;
   }
   return x.x() < 0 ? OnRightSide(part) : part;
 }
@@ -392,7 +400,9 @@ std::vector<ActorShape::PartCapsule> ActorShape::Capsules() const {
   for (double y = trunk.stations.front().at + 0.01; y < 0.9 * frame_.shoulder.y(); y += 0.03) {
     const Solid::Station s = trunk.Section(y);
     const double half = std::max(s.ru - s.rv, 0.0);
-    const RigPart part = y < 0.5 * frame_.spine.y() ? kHips : y < frame_.chest.y() ? kSpine : kChest;
+    const RigPart part = y < 0.5 * frame_.spine.y() ? kHips
+                         : y < frame_.chest.y()     ? kSpine
+                                                    : kChest;
     capsules.push_back({part, {{-half, y, s.v}, {half, y, s.v}, s.rv, s.rv}});
   }
   for (const Solid& solid : trunk_) {
@@ -405,7 +415,8 @@ std::vector<ActorShape::PartCapsule> ActorShape::Capsules() const {
     const Solid::Station& p = stations[i];
     const Solid::Station& q = stations[i + 1];
     const RigPart part = p.at < frame_.knee.y() - 1e-9 ? kLeftLowerLeg : kLeftUpperLeg;
-    const Capsule left{{p.u, p.at, p.v}, {q.u, q.at, q.v}, 0.5 * (p.ru + p.rv), 0.5 * (q.ru + q.rv)};
+    const Capsule left{
+        {p.u, p.at, p.v}, {q.u, q.at, q.v}, 0.5 * (p.ru + p.rv), 0.5 * (q.ru + q.rv)};
     capsules.push_back({part, left});
     capsules.push_back(
         {OnRightSide(part), {Mirrored(left.a), Mirrored(left.b), left.radius_a, left.radius_b}});

@@ -9,11 +9,11 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kGravity = 9.81;
-constexpr double kAirDragPerS = 0.9;        // of cloth that hangs free
-constexpr double kLayerDragPerS = 12;       // of cloth that lies on the body, against the body
+constexpr double kAirDragPerS = 0.9;         // of cloth that hangs free
+constexpr double kLayerDragPerS = 12;        // of cloth that lies on the body, against the body
 constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
 constexpr double kBendCompliance = 4e-4;
-constexpr double kThickness = 0.007;        // distance kept from colliders
+constexpr double kThickness = 0.007;  // distance kept from colliders
 constexpr double kFloor = 0.003;
 constexpr double kFriction = 0.35;
 constexpr double kMaxSpeed = 25;
@@ -122,8 +122,7 @@ void ClothSimulator::Collide(const CapsuleSet& colliders) {
         x += (radius - distance) * normal;
         // Friction against the place of the body it lies on.
         const Capsule& before = colliders_before_[c];
-        const Vector3d carried =
-            (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
+        const Vector3d carried = (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
         Vector3d slip = x - previous_.col(p) - carried;
         slip -= slip.dot(normal) * normal;
         const double slipped = slip.norm();

@@ -14,8 +14,8 @@ namespace mpc {
 namespace {
 
 constexpr double kStepS = 1.0 / 600;
-constexpr double kDressingS = 0.6;  // from bind to the first pose
-constexpr double kRestS = 1.2;      // at the first pose, before frame 0
+constexpr double kDressingS = 0.6;    // from bind to the first pose
+constexpr double kRestS = 1.2;        // at the first pose, before frame 0
 constexpr double kMaxStartSpeed = 4;  // m/s
 
 void CheckArguments(const DressedActor& actor, const Character& character,

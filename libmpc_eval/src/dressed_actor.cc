@@ -73,15 +73,14 @@ std::vector<BonePlan> MakeBones(const BodyFrame& f) {
                                          {"leftLowerLeg", "leftUpperLeg", f.knee},
                                          {"leftFoot", "leftLowerLeg", f.ankle},
                                          {"leftToes", "leftFoot", f.ball}}};
-  const std::array<BonePlan, 8> right = {
-      {{"rightShoulder", "chest", Mirrored(clavicle)},
-       {"rightUpperArm", "rightShoulder", Mirrored(f.shoulder)},
-       {"rightLowerArm", "rightUpperArm", Mirrored(f.elbow)},
-       {"rightHand", "rightLowerArm", Mirrored(f.wrist)},
-       {"rightUpperLeg", "hips", Mirrored(f.hip)},
-       {"rightLowerLeg", "rightUpperLeg", Mirrored(f.knee)},
-       {"rightFoot", "rightLowerLeg", Mirrored(f.ankle)},
-       {"rightToes", "rightFoot", Mirrored(f.ball)}}};
+  const std::array<BonePlan, 8> right = {{{"rightShoulder", "chest", Mirrored(clavicle)},
+                                          {"rightUpperArm", "rightShoulder", Mirrored(f.shoulder)},
+                                          {"rightLowerArm", "rightUpperArm", Mirrored(f.elbow)},
+                                          {"rightHand", "rightLowerArm", Mirrored(f.wrist)},
+                                          {"rightUpperLeg", "hips", Mirrored(f.hip)},
+                                          {"rightLowerLeg", "rightUpperLeg", Mirrored(f.knee)},
+                                          {"rightFoot", "rightLowerLeg", Mirrored(f.ankle)},
+                                          {"rightToes", "rightFoot", Mirrored(f.ball)}}};
   bones.insert(bones.end(), left.begin(), left.end());
   bones.insert(bones.end(), right.begin(), right.end());
   return bones;
@@ -195,7 +194,8 @@ void Settle(const ClothModel& model, TriangleMesh* mesh) {
     }
   }
   CapsuleSet colliders;
-  for (const ClothModel::Collider& collider : model.colliders) colliders.push_back(collider.capsule);
+  for (const ClothModel::Collider& collider : model.colliders)
+    colliders.push_back(collider.capsule);
   ClothSimulator simulator(model, positions, colliders);
   for (double t = 0; t < kSettleS; t += kSettleStepS) {
     simulator.Step(kSettleStepS, positions, colliders);
@@ -286,8 +286,7 @@ DressedActor MakeDressedActor(const DressedActorOptions& options) {
     mesh.positions.conservativeResize(3, num_body + sheet.num_particles());
     mesh.positions.rightCols(sheet.num_particles()) = sheet.mesh.positions;
     mesh.triangles.conservativeResize(3, num_body_triangles + sheet.mesh.triangles.cols());
-    mesh.triangles.rightCols(sheet.mesh.triangles.cols()) =
-        sheet.mesh.triangles.array() + num_body;
+    mesh.triangles.rightCols(sheet.mesh.triangles.cols()) = sheet.mesh.triangles.array() + num_body;
     skin.Append(sheet.parts, sheet.weights);
     const auto chart = static_cast<int>(chart_scale.size());
     flat.chart.insert(flat.chart.end(), sheet.flat.chart.size(), chart);

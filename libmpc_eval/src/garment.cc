@@ -13,10 +13,10 @@ using Eigen::Vector3d;
 constexpr double kPi = std::numbers::pi;
 
 struct Cut {
-  double top_y;     // the waist
-  double bottom_y;  // along the cloth, if it hung straight
-  double flare;     // widening per length
-  double room;      // between body and cloth at the top
+  double top_y;        // the waist
+  double bottom_y;     // along the cloth, if it hung straight
+  double flare;        // widening per length
+  double room;         // between body and cloth at the top
   double opening_rad;  // half of the gap in front
   int rings;
   int columns;
@@ -67,10 +67,9 @@ Sheet MakeSheet(const ActorShape& shape, Outfit outfit) {
       const double wave = 0.035 * t * std::sin(9 * angle + 0.7) + 0.025 * t * std::sin(5 * angle);
       const double wide = (cut.room + cut.flare * down) * (1 + wave);
       const int p = sheet.At(r, c);
-      sheet.mesh.positions.col(p) =
-          Vector3d((top.ru + wide) * std::sin(angle), cut.top_y - down,
-                   top.v + (top.rv + wide) * std::cos(angle))
-              .cast<float>();
+      sheet.mesh.positions.col(p) = Vector3d((top.ru + wide) * std::sin(angle), cut.top_y - down,
+                                             top.v + (top.rv + wide) * std::cos(angle))
+                                        .cast<float>();
       // The legs carry some of it, each its side.
       const double legs = 0.7 * Smooth(t);
       const double left = Smooth(0.5 + 0.7 * std::sin(angle));
@@ -127,15 +126,18 @@ void AddSheet(const Sheet& sheet, ClothModel* model) {
       if (r > 0 && c < last) {
         link(&model->stretch, p, sheet.At(r, c + 1));
         // The quad's diagonal that the mesh has.
-        if ((r - 1 + c) % 2 == 0) link(&model->stretch, sheet.At(r - 1, c), sheet.At(r, c + 1));
-        else link(&model->stretch, p, sheet.At(r - 1, c + 1));
+        if ((r - 1 + c) % 2 == 0)
+          link(&model->stretch, sheet.At(r - 1, c), sheet.At(r, c + 1));
+        else
+          link(&model->stretch, p, sheet.At(r - 1, c + 1));
       }
       if (r > 0 && (sheet.closed || c + 2 < sheet.columns)) {
         link(&model->bend, p, sheet.At(r, c + 2));
       }
       if (r > 1) {
         double length = 0;
-        for (int k = 1; k <= r; ++k) length += Length(sheet.mesh, sheet.At(k - 1, c), sheet.At(k, c));
+        for (int k = 1; k <= r; ++k)
+          length += Length(sheet.mesh, sheet.At(k - 1, c), sheet.At(k, c));
         model->tethers.push_back({begin + sheet.At(0, c), begin + p, length});
       }
     }

@@ -18,9 +18,9 @@ namespace mpc {
 struct Sheet {
   int rings = 0;
   int columns = 0;
-  bool closed = true;  // the last column meets the first
-  TriangleMesh mesh;   // vertex ring * columns + column
-  FlatTriangles flat;  // one chart: around, down
+  bool closed = true;       // the last column meets the first
+  TriangleMesh mesh;        // vertex ring * columns + column
+  FlatTriangles flat;       // one chart: around, down
   Eigen::MatrixXi parts;    // 3 x P: RigPart of the influences
   Eigen::MatrixXf weights;  // 3 x P
 

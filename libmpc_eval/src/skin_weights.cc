@@ -5,8 +5,7 @@
 
 namespace mpc {
 
-SkinWeights DiffuseWeights(const TriangleMesh& mesh, const std::vector<int>& parts,
-                           int num_parts) {
+SkinWeights DiffuseWeights(const TriangleMesh& mesh, const std::vector<int>& parts, int num_parts) {
   constexpr int kRounds = 14;
   constexpr float kLeast = 0.01F;
   const Eigen::Index num_vertices = mesh.positions.cols();

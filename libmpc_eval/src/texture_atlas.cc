@@ -58,7 +58,8 @@ std::vector<int> AxisLabels(const TriangleMesh& mesh, const std::vector<int>& gr
       for (const int n : neighbours[t]) {
         if (n >= 0 && group[n] == group[t]) ++votes[old[n]];
       }
-      const int best = static_cast<int>(std::max_element(votes.begin(), votes.end()) - votes.begin());
+      const int best =
+          static_cast<int>(std::max_element(votes.begin(), votes.end()) - votes.begin());
       if (votes[best] >= 2 && facing(t, best) > 0.25F) label[t] = best;
     }
   }
@@ -214,10 +215,10 @@ cv::Mat PaintAtlas(
     const Eigen::Vector2f e2 = p.col(2) - p.col(0);
     const float area = e1.x() * e2.y() - e1.y() * e2.x();
     if (std::abs(area) < 1e-6F) continue;
-    const Eigen::Vector2i low = (p.rowwise().minCoeff().array() - kMargin)
-                                    .floor().cast<int>().cwiseMax(0);
-    const Eigen::Vector2i high = (p.rowwise().maxCoeff().array() + kMargin)
-                                     .ceil().cast<int>().cwiseMin(atlas.size - 1);
+    const Eigen::Vector2i low =
+        (p.rowwise().minCoeff().array() - kMargin).floor().cast<int>().cwiseMax(0);
+    const Eigen::Vector2i high =
+        (p.rowwise().maxCoeff().array() + kMargin).ceil().cast<int>().cwiseMin(atlas.size - 1);
     const float longest = std::max({e1.norm(), e2.norm(), (e2 - e1).norm()});
     for (int y = low.y(); y <= high.y(); ++y) {
       for (int x = low.x(); x <= high.x(); ++x) {

@@ -15,7 +15,7 @@ namespace mpc {
 
 // Triangles laid out flat.
 struct FlatTriangles {
-  std::vector<int> chart;             // T; charts are numbered from 0
+  std::vector<int> chart;                           // T; charts are numbered from 0
   std::vector<Eigen::Matrix<float, 2, 3>> corners;  // T: where the three corners lie in the chart
 };
 
@@ -24,10 +24,10 @@ struct FlatTriangles {
 FlatTriangles ProjectAlongAxes(const TriangleMesh& mesh, const std::vector<int>& group);
 
 struct TextureAtlas {
-  int size = 0;               // side of the picture
-  std::vector<int> source;    // V': vertex of the mesh each vertex comes from; seams split vertices
-  Triangles triangles;        // 3xT, of the split vertices, in the old order
-  Eigen::Matrix2Xf uv;        // 2xV', glTF convention
+  int size = 0;             // side of the picture
+  std::vector<int> source;  // V': vertex of the mesh each vertex comes from; seams split vertices
+  Triangles triangles;      // 3xT, of the split vertices, in the old order
+  Eigen::Matrix2Xf uv;      // 2xV', glTF convention
 };
 
 // Packs the charts; `scale` per chart, relative to the others. The first copies of the vertices

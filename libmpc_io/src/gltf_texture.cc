@@ -32,8 +32,8 @@ std::vector<unsigned char> ImageBytes(const tinygltf::Model& model, const tinygl
     *fault = fmt::format("it has {} bytes, at most {} are read", view.byteLength, kMaxImageBytes);
     return {};
   }
-  const auto begin = model.buffers[view.buffer].data.begin() +
-                     static_cast<std::ptrdiff_t>(view.byteOffset);
+  const auto begin =
+      model.buffers[view.buffer].data.begin() + static_cast<std::ptrdiff_t>(view.byteOffset);
   return {begin, begin + static_cast<std::ptrdiff_t>(view.byteLength)};
 }
 

@@ -154,9 +154,9 @@ int AddMaterial(const RigMesh& rig_mesh, ModelBuilder* builder) {
 void CheckTexture(const RigMesh& mesh) {
   if (mesh.texture.empty()) return;
   if (mesh.uv.cols() == 0 || !IsEncodedImage(mesh.texture)) {
-    throw Error(ErrorCode::kBadFile,
-                "mesh " + mesh.name + ": a texture must be a PNG or JPEG file and needs texture "
-                "coordinates");
+    throw Error(ErrorCode::kBadFile, "mesh " + mesh.name +
+                                         ": a texture must be a PNG or JPEG file and needs texture "
+                                         "coordinates");
   }
 }
 

@@ -27,7 +27,7 @@ Eigen::Vector4f Pad(const Eigen::Vector3d& x) {
 }  // namespace
 
 SurfaceStep::SurfaceStep(const SurfaceProblem& problem)
-    : problem_(problem), edge_begin_(problem.num_nodes + 1, 0), row_begin_(1, 0) {
+    : problem_(problem), coarse_(problem), edge_begin_(problem.num_nodes + 1, 0), row_begin_(1, 0) {
   for (int e = 0; e < problem.arap.num_blocks(); ++e) ++edge_begin_[problem.arap.nodes(e)[0] + 1];
   for (int i = 0; i < problem.num_nodes; ++i) edge_begin_[i + 1] += edge_begin_[i];
   for (int row = 0; row < problem.contour.num_blocks(); ++row) {
@@ -41,7 +41,9 @@ bool SurfaceStep::Linearize(const WarpField& at) {
   AddArap(at);
   AddDepthDrift(at);
   smooth_diagonal_ = diagonal_;
-  return AddContour(at);
+  if (!AddContour(at)) return false;
+  coarse_.Linearize(at);
+  return true;
 }
 
 // With y = scale R_i (g^_i - g^_j), the Jacobian of an edge's residual by (omega_i, t_i, t_j) is
@@ -163,7 +165,7 @@ void SurfaceStep::Multiply(const Packed& x, Packed* product) const {
   }
 }
 
-void SurfaceStep::Precondition(const Packed& x, Packed* product) const {
+void SurfaceStep::Precondition(const Packed& x, Packed* product) {
   for (int i = 0; i < problem_.num_nodes; ++i) {
     Eigen::Vector4f omega = Eigen::Vector4f::Zero(), t = omega;
     for (int c = 0; c < 6; ++c) {
@@ -174,6 +176,7 @@ void SurfaceStep::Precondition(const Packed& x, Packed* product) const {
     product->col(2 * i) = omega;
     product->col(2 * i + 1) = t;
   }
+  coarse_.Apply(x, product);
 }
 
 void SurfaceStep::SolveInner() {
@@ -200,6 +203,7 @@ void SurfaceStep::SolveInner() {
     Precondition(residual_, &preconditioned_);
     const float next_length = dot(residual_, preconditioned_);
     direction_ = preconditioned_ + next_length / length * direction_;
+    if (getenv("DBG")) fprintf(stderr, "%d %g\n", k, std::sqrt(double(next_length / goal)) * kInnerTolerance);
     length = next_length;
   }
 }

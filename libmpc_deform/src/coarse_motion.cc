@@ -66,7 +66,7 @@ void CoarseMotion::Add(const Energy& energy, const WarpField& at, int block) {
   for (int a = 0; a < count; ++a) {
     for (int b = 0; b < count; ++b) {
       normal_.block<6, 6>(6 * patches[a], 6 * patches[b]) +=
-          jacobian.middleCols<6>(6 * a).transpose() * jacobian.middleCols<6>(6 * b);
+          jacobian.middleCols<6>(6 * a).transpose().lazyProduct(jacobian.middleCols<6>(6 * b));
     }
   }
 }
@@ -82,6 +82,7 @@ void CoarseMotion::Linearize(const WarpField& at) {
   for (int i = 0; i < problem_.num_nodes; ++i) {
     levers_.col(i) -= middle.col(patch_[i]) / size[patch_[i]];
   }
+  float_levers_ = levers_.cast<float>();
   normal_.setZero(6 * num_patches_, 6 * num_patches_);
   for (int row = 0; row < problem_.contour.num_blocks(); ++row) Add(problem_.contour, at, row);
   for (const int e : crossing_) Add(problem_.arap, at, e);
@@ -96,13 +97,13 @@ void CoarseMotion::Apply(const Eigen::Matrix<float, 4, Eigen::Dynamic>& x,
   if (factor_.info() != Eigen::Success) return;
   motion_.setZero(6 * num_patches_);
   for (int i = 0; i < problem_.num_nodes; ++i) {
-    const Eigen::Vector3f lever = levers_.col(i).cast<float>(), t = x.col(2 * i + 1).head<3>();
+    const Eigen::Vector3f lever = float_levers_.col(i), t = x.col(2 * i + 1).head<3>();
     motion_.segment<3>(6 * patch_[i]) += x.col(2 * i).head<3>() + lever.cross(t);
     motion_.segment<3>(6 * patch_[i] + 3) += t;
   }
   factor_.solveInPlace(motion_);
   for (int i = 0; i < problem_.num_nodes; ++i) {
-    const Eigen::Vector3f lever = levers_.col(i).cast<float>();
+    const Eigen::Vector3f lever = float_levers_.col(i);
     const Eigen::Vector3f omega = motion_.segment<3>(6 * patch_[i]);
     product->col(2 * i).head<3>() += omega;
     product->col(2 * i + 1).head<3>() += motion_.segment<3>(6 * patch_[i] + 3) + omega.cross(lever);

@@ -32,6 +32,7 @@ class CoarseMotion {
   std::vector<int> crossing_;  // edges of E_arap between patches
   int num_patches_ = 0;
   Eigen::Matrix3Xd levers_;  // 3xM, of the nodes about their patch's first
+  Eigen::Matrix3Xf float_levers_;
   Eigen::MatrixXd normal_;   // 6P x 6P
   Eigen::LLT<Eigen::MatrixXf> factor_;
   Eigen::VectorXf motion_;  // 6P

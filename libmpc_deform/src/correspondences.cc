@@ -14,6 +14,7 @@ namespace mpc {
 namespace {
 
 constexpr double kPictureBorder_px = 2;
+constexpr double kAlwaysNear_px = 2;
 // Around the model, so that the border of the crop is never taken for the picture's.
 constexpr int kCropMargin_px = 4;
 // Half the width of the window in which vertices share their length of outline, m.
@@ -109,6 +110,11 @@ std::vector<int> FindTargets(const ModelBoundary& boundary, const Eigen::VectorX
     const int target = silhouette.Nearest(boundary.pixels.col(column), boundary.normals.col(column),
                                           reach, min_cos);
     if (target < 0) continue;
+    const Eigen::Vector2d way = boundary.pixels.col(column) - contour.points.col(target);
+    if (way.norm() > kAlwaysNear_px && std::abs(way.dot(contour.normals.col(target))) <
+                                           std::cos(options.max_slant_rad) * way.norm()) {
+      continue;
+    }
     if (options.match_parts) {
       // The part that a point of the silhouette shows is that of the model's nearest outline.
       const int looks_like = model.Nearest(contour.points.col(target), contour.normals.col(target),
@@ -164,6 +170,8 @@ void CorrespondenceOptions::Validate() const {
         "a positive number");
   check(max_angle_rad > 0 && max_angle_rad <= std::numbers::pi, "max_angle_rad", max_angle_rad,
         "0 to pi");
+  check(max_slant_rad > 0 && max_slant_rad <= std::numbers::pi / 2, "max_slant_rad", max_slant_rad,
+        "0 to pi / 2");
   check(min_part_support >= 0 && min_part_support <= 1, "min_part_support", min_part_support,
         "0 to 1");
   check(min_support >= 0 && min_support <= 1, "min_support", min_support, "0 to 1");

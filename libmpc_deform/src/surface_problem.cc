@@ -27,6 +27,7 @@ SurfaceProblem::SurfaceProblem(const Camera& camera, const DeformationGraph& gra
     : contour(camera, graph, posed, correspondences),
       arap(graph, graph.NodePositions(posed), weights.arap),
       depth_drift(graph.NodePositions(posed), weights.depth_drift),
+      nodes(graph.NodePositions(posed)),
       num_nodes(graph.num_nodes()) {}
 
 double SurfaceProblem::Cost(const WarpField& at) const {

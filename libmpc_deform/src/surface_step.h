@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "coarse_motion.h"
 #include "mpc/deform/surface_solver.h"
 
 namespace mpc {
@@ -33,10 +34,11 @@ class SurfaceStep {
   void AddDepthDrift(const WarpField& at);
   void Damp(double damping);
   void Multiply(const Packed& x, Packed* product) const;
-  void Precondition(const Packed& x, Packed* product) const;
+  void Precondition(const Packed& x, Packed* product);
   void SolveInner();
 
   const SurfaceProblem& problem_;
+  CoarseMotion coarse_;
   std::vector<int> edge_begin_;                        // M+1: directed edges (i, j) by i
   std::vector<int> row_begin_;                         // of E_con
   Eigen::Matrix<double, 6, Eigen::Dynamic> gradient_;  // 6xM

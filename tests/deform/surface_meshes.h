@@ -28,8 +28,8 @@ inline TriangleMesh Tube(const Eigen::Vector3d& centre, double height, double to
       const int here = r * sides + i, next = r * sides + (i + 1) % sides;
       mesh.positions.col(here) = (centre + x).cast<float>();
       if (r + 1 == rings) continue;
-      mesh.triangles.col(t++) << here, next, here + sides;
-      mesh.triangles.col(t++) << next, next + sides, here + sides;
+      mesh.triangles.col(t++) << here, here + sides, next;
+      mesh.triangles.col(t++) << next, here + sides, next + sides;
     }
   }
   return mesh;

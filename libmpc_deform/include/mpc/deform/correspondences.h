@@ -23,6 +23,10 @@ struct CorrespondenceOptions {
   // that differ by more, rad. The paper gives no values; ours.
   double max_distance_m = 0.12;
   double max_angle_rad = 0.7;
+  // Pruned: the way to the target is longer than 2 px and makes more than this angle with the
+  // normal there, rad. The closest point of an outline lies straight ahead, unless the outline ends
+  // there, cut off or hidden. pi / 2: never (paper).
+  double max_slant_rad = 1.5707963267948966;
   // Refuse targets that look like another part of the body (BodyParts); false: paper.
   bool match_parts = true;
   // A part of which less than this share of the outline has a target stays as it is; and so does

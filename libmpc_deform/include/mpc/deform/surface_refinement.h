@@ -24,7 +24,7 @@ struct SurfaceRefinementOptions {
   // w_arap of each iteration of correspondences and solution, px^2/mm^2, positive; paper.
   std::vector<double> arap_weights = {0.6, 0.2};
   double depth_drift_weight = 2;  // w_ray, px^2/mm^2, >= 0; ours, 0: paper
-  CorrespondenceOptions correspondences;
+  CorrespondenceOptions correspondences = {.max_slant_rad = 0.8};
 
   double relative_tolerance = 1e-3;  // of a solve
   int max_steps = 12;                // of a solve, >= 1

@@ -25,6 +25,7 @@ struct SurfaceProblem {
   SurfaceContourEnergy contour;
   ArapEnergy arap;
   DepthDriftEnergy depth_drift;
+  Eigen::Matrix3Xd nodes;  // g^, 3xM
   int num_nodes;
 
   // posed: v^, 3xV in the camera frame. Throws Error (kInvalidArgument) for sizes that do not fit.

@@ -1,0 +1,168 @@
+#include "mpc/deform/surface_refinement.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+#include "deform/dressed_person.h"
+#include "mpc/eval/metrics.h"
+#include "mpc/seg/contour.h"
+#include "support/expect_error.h"
+
+namespace mpc {
+namespace {
+
+double MeanError_mm(const Eigen::Matrix3Xf& a, const Eigen::Matrix3Xf& b) {
+  return 1000 * (a - b).colwise().norm().mean();
+}
+
+class SurfaceRefinementTest : public ::testing::Test {
+ protected:
+  static const testing::DressedPerson& Person() {
+    static const testing::DressedPerson person = testing::MakeDressedPerson();
+    return person;
+  }
+  static const DeformationGraph& Graph() {
+    static const DeformationGraph graph = BuildDeformationGraph(Person().character.mesh);
+    return graph;
+  }
+  static SurfaceRefinement Refine(const cv::Mat& mask,
+                                  const SurfaceRefinementOptions& options = {}) {
+    const SurfaceRefiner refiner(Person().character, Graph(), options);
+    CorrespondenceScratch scratch;
+    return refiner.Refine(Person().camera, Person().posed, ExtractContour(mask), &scratch);
+  }
+  static double Iou(const Eigen::Matrix3Xf& vertices) {
+    return MaskIou(testing::MaskOf(Person(), vertices), testing::MaskOf(Person(), Person().truth));
+  }
+};
+
+TEST_F(SurfaceRefinementTest, FindsAKnownDeformation) {
+  const SurfaceRefinement refined = Refine(testing::MaskOf(Person(), Person().truth));
+  ASSERT_EQ(refined.state, RefinementState::kRefined);
+  const double before = MeanError_mm(Person().posed, Person().truth);
+  const double after = MeanError_mm(refined.vertices, Person().truth);
+  printf("IoU %.4f -> %.4f, error %.2f -> %.2f mm, support %.3f, cost %.3f -> %.3f, steps %d\n",
+         Iou(Person().posed), Iou(refined.vertices), before, after, refined.support,
+         refined.cost_before, refined.cost_after, refined.num_steps);
+  EXPECT_LT(Iou(Person().posed), 0.968);
+  EXPECT_GT(Iou(refined.vertices), 0.97);
+  EXPECT_LT(after, 0.75 * before);
+  EXPECT_GT(refined.support, 0.7);
+  Eigen::Matrix3Xf warped;
+  WarpVertices(Graph(), refined.field, Person().posed, &warped);
+  EXPECT_EQ(warped, refined.vertices);
+}
+
+TEST_F(SurfaceRefinementTest, DepthPriorKeepsNodesFromDrifting) {
+  const cv::Mat mask = testing::MaskOf(Person(), Person().truth);
+  SurfaceRefinementOptions without;
+  without.depth_drift_weight = 0;
+  const SurfaceRefinement kept = Refine(mask), adrift = Refine(mask, without);
+  const auto drift_mm = [](const SurfaceRefinement& refined) {
+    return 1000 * (refined.vertices - Person().posed).row(2).cwiseAbs().maxCoeff();
+  };
+  printf("drift %.1f without %.1f mm; error %.2f without %.2f\n", drift_mm(kept),
+         drift_mm(adrift), MeanError_mm(kept.vertices, Person().truth),
+         MeanError_mm(adrift.vertices, Person().truth));
+  EXPECT_LT(drift_mm(kept), 0.6 * drift_mm(adrift));
+  EXPECT_LT(MeanError_mm(kept.vertices, Person().truth),
+            MeanError_mm(adrift.vertices, Person().truth));
+}
+
+TEST_F(SurfaceRefinementTest, AFittingSurfaceStays) {
+  const SurfaceRefinement refined = Refine(testing::MaskOf(Person(), Person().posed));
+  ASSERT_EQ(refined.state, RefinementState::kRefined);
+  EXPECT_LT(MeanError_mm(refined.vertices, Person().posed), 1);
+  EXPECT_GT(MaskIou(testing::MaskOf(Person(), refined.vertices),
+                    testing::MaskOf(Person(), Person().posed)),
+            0.99);
+}
+
+TEST_F(SurfaceRefinementTest, WithoutEvidenceNothingMoves) {
+  const auto expect_unchanged = [](const SurfaceRefinement& refined, RefinementState state) {
+    EXPECT_EQ(refined.state, state);
+    EXPECT_EQ(refined.vertices, Person().posed);
+    EXPECT_EQ(refined.field.translations.cwiseAbs().maxCoeff(), 0);
+    EXPECT_EQ(refined.num_steps, 0);
+  };
+  cv::Mat mask = cv::Mat::zeros(1920, 1080, CV_8UC1);
+  expect_unchanged(Refine(mask), RefinementState::kNoSilhouette);
+  mask.setTo(255);
+  expect_unchanged(Refine(mask), RefinementState::kNoSilhouette);
+  // Somebody else in the corner.
+  mask.setTo(0);
+  cv::circle(mask, {100, 100}, 60, 255, -1);
+  expect_unchanged(Refine(mask), RefinementState::kNoMatch);
+  // The actor behind the camera.
+  const SurfaceRefiner refiner(Person().character, Graph());
+  CorrespondenceScratch scratch;
+  const SurfaceRefinement behind =
+      refiner.Refine(Person().camera, -Person().posed, ExtractContour(mask), &scratch);
+  EXPECT_EQ(behind.state, RefinementState::kNoModel);
+  EXPECT_EQ(behind.vertices, -Person().posed);
+}
+
+TEST_F(SurfaceRefinementTest, APartWithoutSilhouetteStays) {
+  // The lower third is cut off by something in front.
+  cv::Mat mask = testing::MaskOf(Person(), Person().truth);
+  mask.rowRange(1400, 1920).setTo(0);
+  const SurfaceRefinement refined = Refine(mask);
+  ASSERT_EQ(refined.state, RefinementState::kRefined);
+  for (int v = 0; v < refined.vertices.cols(); ++v) {
+    if (Person().posed(1, v) < 0.75f) continue;  // the shanks
+    EXPECT_LT((refined.vertices.col(v) - Person().posed.col(v)).norm(), 0.02f) << v;
+  }
+}
+
+TEST_F(SurfaceRefinementTest, BrokenMasksGiveFiniteSurfaces) {
+  cv::RNG random(7);
+  for (int round = 0; round < 4; ++round) {
+    cv::Mat mask = testing::MaskOf(Person(), Person().truth);
+    for (int hole = 0; hole < 30; ++hole) {
+      const cv::Point at(random.uniform(0, 1080), random.uniform(0, 1920));
+      cv::circle(mask, at, random.uniform(5, 120), random.uniform(0, 2) * 255, -1);
+    }
+    for (const SurfaceRefinementOptions& options :
+         {SurfaceRefinementOptions(), SurfaceRefinementOptions::Paper()}) {
+      const SurfaceRefinement refined = Refine(mask, options);
+      ASSERT_TRUE(refined.vertices.allFinite());
+      if (refined.state == RefinementState::kRefined) {
+        EXPECT_TRUE(std::isfinite(refined.cost_after));
+      }
+      EXPECT_LT((refined.vertices - Person().posed).cwiseAbs().maxCoeff(), 1) << round;
+    }
+  }
+}
+
+TEST_F(SurfaceRefinementTest, TheSameWithAUsedScratch) {
+  const SurfaceRefiner refiner(Person().character, Graph());
+  CorrespondenceScratch fresh, used;
+  const Contour2d truth = ExtractContour(testing::MaskOf(Person(), Person().truth));
+  const Contour2d posed = ExtractContour(testing::MaskOf(Person(), Person().posed));
+  refiner.Refine(Person().camera, Person().truth, posed, &used);
+  EXPECT_EQ(refiner.Refine(Person().camera, Person().posed, truth, &fresh).vertices,
+            refiner.Refine(Person().camera, Person().posed, truth, &used).vertices);
+}
+
+TEST_F(SurfaceRefinementTest, MisuseIsRefused) {
+  SurfaceRefinementOptions options;
+  options.arap_weights = {0.6, -1};
+  options.depth_drift_weight = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_MPC_ERROR(SurfaceRefiner(Person().character, Graph(), options), kInvalidArgument,
+                   "arap_weights is -1, expected positive numbers; depth_drift_weight is nan");
+  options = {};
+  options.arap_weights.clear();
+  EXPECT_MPC_ERROR(options.Validate(), kInvalidArgument, "at least 1");
+  const TriangleMesh ball = testing::Ball({0, 0, 0}, 1);
+  EXPECT_MPC_ERROR(SurfaceRefiner(Person().character, BuildDeformationGraph(ball)),
+                   kInvalidArgument, "a graph of 4802 vertices");
+  const SurfaceRefiner refiner(Person().character, Graph());
+  CorrespondenceScratch scratch;
+  EXPECT_MPC_ERROR(refiner.Refine(Person().camera, ball.positions, {}, &scratch), kInvalidArgument,
+                   "4802 vertices");
+}
+
+}  // namespace
+}  // namespace mpc

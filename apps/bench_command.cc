@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -69,23 +70,19 @@ bool MakeClip(const SyntheticSpec& spec, const fs::path& folder) {
   fs::create_directories(folder, ec);
   CLI::App app;
   const Command synth = AddSynthCommand(&app);
-  std::vector<std::string> arguments = {"synth",
-                                        "-o",
-                                        folder.string(),
-                                        "--motion",
-                                        spec.motion,
-                                        "--seed",
-                                        std::to_string(spec.seed),
-                                        "--seconds",
-                                        fmt::format("{}", spec.seconds),
-                                        "--fps",
-                                        fmt::format("{}", spec.fps),
-                                        "--width",
-                                        std::to_string(spec.width),
-                                        "--height",
-                                        std::to_string(spec.height),
-                                        "--noise",
-                                        spec.noise};
+  std::vector<std::string> arguments = {"synth", "--quiet", "-o", folder.string()};
+  const auto add = [&arguments](const char* option, const std::string& value) {
+    arguments.insert(arguments.end(), {option, value});
+  };
+  add("--motion", spec.motion);
+  add("--outfit", spec.outfit);
+  add("--camera", spec.camera);
+  add("--noise", spec.noise);
+  add("--seed", fmt::format("{}", spec.seed));
+  add("--seconds", fmt::format("{}", spec.seconds));
+  add("--fps", fmt::format("{}", spec.fps));
+  add("--width", fmt::format("{}", spec.width));
+  add("--height", fmt::format("{}", spec.height));
   std::reverse(arguments.begin(), arguments.end());
   try {
     app.parse(arguments);

@@ -50,9 +50,8 @@ struct Axes {
   double top = 14;
   double bottom = 240;
 
-  double X(double frame) const {
-    return kLeft + frame * (kWidth - kLeft - kRight) / std::max<double>(1, num_frames - 1.0);
-  }
+  double LastFrame() const { return std::max(1.0, static_cast<double>(num_frames) - 1); }
+  double X(double frame) const { return kLeft + frame * (kWidth - kLeft - kRight) / LastFrame(); }
   double Y(double value) const { return bottom - (value - low) / (high - low) * (bottom - top); }
 
   std::string Grid(const std::string& unit) const {
@@ -68,7 +67,7 @@ struct Axes {
 
   std::string FrameTicks() const {
     std::string svg;
-    const double step = std::max(1.0, TickStep(std::max<double>(1, num_frames - 1.0)));
+    const double step = std::max(1.0, TickStep(LastFrame()));
     for (double frame = 0; frame < static_cast<double>(num_frames); frame += step) {
       svg += Text(X(frame), bottom + 17, "middle", fmt::format("{:.0f}", frame));
     }

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <system_error>
 #include <vector>
@@ -25,6 +24,7 @@
 #include "mpc/io/pc2.h"
 #include "mpc/io/rig_gltf.h"
 #include "mpc/io/trc.h"
+#include "mpc/io/truth_file.h"
 #include "mpc/io/video.h"
 #include "mpc/skeleton/proportions.h"
 #include "mpc/skeleton/rig_map.h"
@@ -150,31 +150,28 @@ bool WritePictures(const SyntheticClipRequest& request,
 void WriteTruthJson(const SyntheticClipRequest& request,
                     const mpc::SyntheticPerformance& performance) {
   const mpc::PerformanceOptions& options = performance.options;
-  nlohmann::ordered_json json = {
-      {"format", "mpc-truth"},
-      {"version", 1},
-      {"fps", request.fps},
-      {"frames", performance.num_frames()},
-      {"width", options.camera.width},
-      {"height", options.camera.height},
-      {"motion", fs::path(request.motion).stem().string()},
-      {"outfit", request.actor.empty() ? mpc::OutfitName(request.outfit) : "of the actor"},
-      {"seed", options.seed},
-      {"camera_motion", mpc::CameraMotionName(options.camera.motion)},
-      {"noise", mpc::DetectionErrorsName(options.errors)},
-      {"video", "clip.mp4"},
-      {"actor", "actor.glb"},
-      {"camera", "camera.json"},
-      {"joints", "truth.trc"},
-      {"vertices", "vertices.pc2"},
-      {"masks", "masks"}};
+  const fs::path& folder = request.output;
+  mpc::TruthClip clip;
+  clip.fps = request.fps;
+  clip.num_frames = performance.num_frames();
+  clip.width = options.camera.width;
+  clip.height = options.camera.height;
+  clip.motion = fs::path(request.motion).stem().string();
+  clip.outfit = request.actor.empty() ? mpc::OutfitName(request.outfit) : "of the actor";
+  clip.seed = options.seed;
+  clip.camera_motion = mpc::CameraMotionName(options.camera.motion);
+  clip.noise = mpc::DetectionErrorsName(options.errors);
+  clip.video = folder / "clip.mp4";
+  clip.actor = folder / "actor.glb";
+  clip.camera = folder / "camera.json";
+  clip.joints = folder / "truth.trc";
+  clip.vertices = folder / "vertices.pc2";
+  clip.masks = folder / "masks";
   if (options.errors != mpc::DetectionErrors::kOff) {
-    json["detections2d"] = "detections2d.json";
-    json["detections3d"] = "detections3d.json";
+    clip.detections2d = folder / "detections2d.json";
+    clip.detections3d = folder / "detections3d.json";
   }
-  mpc::WriteFileAtomically(
-      request.output / "truth.json",
-      json.dump(1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n");
+  mpc::WriteTruthClip(folder, clip);
 }
 
 // What an earlier clip left in the folder must not stand beside the new truth.

@@ -65,9 +65,8 @@ TruthClip ReadTruthClip(const fs::path& path) {
     clip.has_floor = json["floor"].get<bool>();
   }
   if (root.Has("seed")) {
-    const double seed = root["seed"].Number();
-    if (seed < 0 || seed >= 0x1p53) root["seed"].Fail("is no seed, a whole number below 2^53");
-    clip.seed = static_cast<std::uint64_t>(seed);
+    if (!json["seed"].is_number_unsigned()) root["seed"].Fail("is no whole number from 0 on");
+    clip.seed = json["seed"].get<std::uint64_t>();
   }
   for (const auto& [name, member] : kTexts) {
     if (root.Has(name)) clip.*member = root[name].String();
@@ -87,7 +86,8 @@ void WriteTruthClip(const fs::path& folder, const TruthClip& clip) {
     const fs::path& path = clip.*member;
     if (!path.empty()) json[name] = path.lexically_proximate(folder).generic_string();
   }
-  WriteFileAtomically(folder / kFileName, json.dump(1) + "\n");
+  WriteFileAtomically(folder / kFileName,
+                      json.dump(1, ' ', false, Json::error_handler_t::replace) + "\n");
 }
 
 }  // namespace mpc

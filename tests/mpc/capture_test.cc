@@ -71,7 +71,7 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   EXPECT_TRUE(report.complete);
   EXPECT_THAT(FilesIn(out_ / "take"),
               UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
-                                   "masks.mp4", "overlay.mp4", "report.json"));
+                                   "masks.mp4", "surface.pc2", "overlay.mp4", "report.json"));
 
   const nlohmann::json json = ReadReport(out_ / "take");
   EXPECT_EQ(json["format"], "mpc-report");
@@ -82,7 +82,7 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   EXPECT_EQ(json["camera"]["name"], "small");
   EXPECT_EQ(json["mapping"]["parts"]["left_hand"], "leftHand");
   EXPECT_TRUE(json["proportions"]["parts"]["thigh"]["uncertainty"].is_number());
-  for (const char* stage : {"video", "pose", "world", "files", "silhouettes", "overlay"}) {
+  for (const char* stage : {"video", "pose", "world", "files", "refinement", "overlay"}) {
     EXPECT_TRUE(json["seconds"][stage].is_number()) << stage;
   }
   const size_t num_joints = json["joints"].size();
@@ -215,11 +215,11 @@ TEST_F(CaptureTest, StoppedInThePoseStageKeepsWhatIsThere) {
   EXPECT_EQ(ReadReport(out_.path())["complete"], false);
 }
 
-TEST_F(CaptureTest, StoppedInTheSilhouettesLeavesNoMasks) {
+TEST_F(CaptureTest, StoppedInTheRefinementLeavesTheMotion) {
   Capture capture(clip_->inputs, out_.path());
   capture.Run();
   const CaptureReport report =
-      capture.Run([](const Progress& progress) { return progress.stage != "silhouettes"; });
+      capture.Run([](const Progress& progress) { return progress.stage != "refinement"; });
   EXPECT_FALSE(report.complete);
   EXPECT_THAT(FilesIn(out_.path()),
               UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
@@ -237,15 +237,19 @@ TEST_F(CaptureTest, MasksCanBeGiven) {
   }
   writer.Close();
   const CaptureReport report = Capture(inputs, out_ / "take").Run();
-  ASSERT_EQ(report.silhouettes.size(), static_cast<size_t>(clip_->num_frames));
-  for (const SilhouetteRecord& record : report.silhouettes) {
-    EXPECT_EQ(record.state, SilhouetteState::kExternal);
-    EXPECT_EQ(record.true_iou, 1);
+  ASSERT_EQ(report.refinement.size(), static_cast<size_t>(clip_->num_frames));
+  for (const RefinementRecord& record : report.refinement) {
+    EXPECT_EQ(record.silhouette.state, SilhouetteState::kExternal);
+    EXPECT_EQ(record.silhouette.true_iou, 1);
+    // A mask without an outline inside the picture says nothing.
+    EXPECT_EQ(record.pose_state, RefinementState::kNoSilhouette);
+    EXPECT_EQ(record.surface_state, RefinementState::kNoSilhouette);
   }
   const nlohmann::json json = ReadReport(out_ / "take");
   EXPECT_EQ(json["frames"][3]["silhouette"]["state"], "external");
   EXPECT_EQ(json["true_iou"]["silhouettes"]["mean"], 1);
   EXPECT_LT(json["true_iou"]["model"]["mean"], 0.5);
+  EXPECT_EQ(json["frames"][3]["refinement"]["pose"], "no silhouette");
   EXPECT_EQ(json["inputs"]["masks"], inputs.masks.string());
   MaskReader masks(out_ / "take" / "masks.mp4", SmallClip::kWidth, SmallClip::kHeight);
   cv::Mat mask;
@@ -280,7 +284,7 @@ TEST_F(CaptureTest, StoppedInTheOverlayLeavesNoHalfVideo) {
   EXPECT_FALSE(report.complete);
   EXPECT_THAT(FilesIn(out_.path()),
               UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
-                                   "masks.mp4", "report.json"));
+                                   "masks.mp4", "surface.pc2", "report.json"));
   EXPECT_EQ(ReadReport(out_.path())["complete"], false);
 }
 
@@ -298,7 +302,7 @@ TEST_F(CaptureTest, ProgressCountsEveryStageToItsEnd) {
     return true;
   });
   EXPECT_EQ(last.size(), 4u);
-  for (const char* stage : {"video", "pose", "silhouettes", "overlay"}) {
+  for (const char* stage : {"video", "pose", "refinement", "overlay"}) {
     EXPECT_EQ(last[stage].step, last[stage].num_steps) << stage;
     EXPECT_GT(last[stage].num_steps, 0) << stage;
   }

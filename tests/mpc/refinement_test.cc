@@ -1,0 +1,157 @@
+#include "mpc/refinement.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "drawn_clip.h"
+#include "mpc/eval/metrics.h"
+
+namespace mpc {
+namespace {
+
+using testing::DrawnClip;
+
+struct Delivered {
+  std::vector<Eigen::Matrix3Xf> vertices;
+  std::vector<Eigen::VectorXd> poses;
+  std::vector<cv::Mat> masks;
+  ClipRefinement refinement;
+};
+
+// The clip's poses stand 2 cm beside the person in its pictures.
+class RefinementTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() { clip_ = new DrawnClip(); }
+  static void TearDownTestSuite() { delete clip_; }
+
+  static Delivered Refine(const PosedClip& clip, const ClipRefinementOptions& options,
+                          const ProgressCallback& progress = {}) {
+    Delivered delivered;
+    const auto keep = [&](const RefinedFrame& frame) {
+      EXPECT_EQ(frame.index, static_cast<int>(delivered.vertices.size()));
+      delivered.vertices.push_back(frame.vertices);
+      delivered.poses.push_back(frame.pose);
+      delivered.masks.push_back(frame.silhouette.clone());
+    };
+    delivered.refinement = RefineClip(clip, options, keep, progress);
+    return delivered;
+  }
+
+  static PosedClip WithTruth() {
+    PosedClip clip = clip_->clip();
+    clip.true_masks = clip_->true_masks;
+    return clip;
+  }
+
+  static double RootError(const Eigen::MatrixXd& poses) {
+    return (poses.topRows<2>() - clip_->true_poses.topRows<2>()).colwise().norm().mean();
+  }
+
+  static const DrawnClip* clip_;
+};
+const DrawnClip* RefinementTest::clip_ = nullptr;
+
+TEST_F(RefinementTest, EveryStepComesNearerToThePerson) {
+  const Delivered result = Refine(WithTruth(), {});
+  const int num_frames = static_cast<int>(clip_->poses.cols());
+  ASSERT_EQ(result.refinement.frames.size(), static_cast<size_t>(num_frames));
+  ASSERT_EQ(result.vertices.size(), static_cast<size_t>(num_frames));
+  double batch = 0, model = 0, surface = 0;
+  for (const RefinementRecord& record : result.refinement.frames) {
+    EXPECT_EQ(record.pose_state, RefinementState::kRefined);
+    EXPECT_EQ(record.surface_state, RefinementState::kRefined);
+    batch += record.batch_true_iou / num_frames;
+    model += record.silhouette.model_true_iou / num_frames;
+    surface += record.surface_true_iou / num_frames;
+  }
+  EXPECT_LT(batch, 0.9);
+  EXPECT_GT(model, batch + 0.03);
+  EXPECT_GT(surface, model);
+  EXPECT_GT(surface, 0.95);
+  EXPECT_LT(RootError(result.refinement.poses), 0.5 * RootError(clip_->poses));
+  for (int f = 0; f < num_frames; ++f) {
+    EXPECT_EQ(result.refinement.poses.col(f), result.poses[static_cast<size_t>(f)]);
+    const cv::Mat mask = MeshMask(clip_->camera, result.vertices[static_cast<size_t>(f)],
+                                  clip_->character.mesh.triangles);
+    EXPECT_NEAR(MaskIou(mask, clip_->truth[static_cast<size_t>(f)]),
+                result.refinement.frames[static_cast<size_t>(f)].surface_true_iou, 1e-3);
+  }
+}
+
+TEST_F(RefinementTest, ThreadsDoNotChangeTheResult) {
+  ClipRefinementOptions options;
+  options.silhouettes.num_threads = 1;
+  const Delivered one = Refine(clip_->clip(), options);
+  options.silhouettes.num_threads = 3;
+  const Delivered three = Refine(clip_->clip(), options);
+  EXPECT_EQ(one.refinement.poses, three.refinement.poses);
+  ASSERT_EQ(one.vertices.size(), three.vertices.size());
+  for (size_t f = 0; f < one.vertices.size(); ++f) {
+    EXPECT_EQ(one.vertices[f], three.vertices[f]) << f;
+    EXPECT_EQ(cv::countNonZero(one.masks[f] != three.masks[f]), 0) << f;
+  }
+}
+
+TEST_F(RefinementTest, WithoutRefinementThePosesStayBitForBit) {
+  ClipRefinementOptions options;
+  options.frames.level = RefinementLevel::kNone;
+  const Delivered result = Refine(clip_->clip(), options);
+  EXPECT_EQ(result.refinement.poses, clip_->poses);
+  KinematicState state;
+  ForwardKinematics(clip_->character.skeleton, clip_->poses.col(4), &state);
+  Eigen::Matrix3Xf skinned;
+  SkinCharacter(clip_->character, state, &skinned);
+  EXPECT_EQ(result.vertices[4], skinned);
+  // The silhouettes are those of ExtractSilhouettes.
+  std::vector<cv::Mat> masks;
+  ExtractSilhouettes(clip_->clip(), {}, [&](const SilhouetteFrame& frame) {
+    masks.push_back(frame.silhouette.mask.clone());
+  });
+  for (size_t f = 0; f < masks.size(); ++f) {
+    EXPECT_EQ(cv::countNonZero(masks[f] != result.masks[f]), 0) << f;
+  }
+}
+
+TEST_F(RefinementTest, PoseLevelLeavesTheSurfaceSkinned) {
+  ClipRefinementOptions options;
+  options.frames.level = RefinementLevel::kPose;
+  const Delivered result = Refine(clip_->clip(), options);
+  EXPECT_LT(RootError(result.refinement.poses), 0.5 * RootError(clip_->poses));
+  KinematicState state;
+  ForwardKinematics(clip_->character.skeleton, result.poses[4], &state);
+  Eigen::Matrix3Xf skinned;
+  SkinCharacter(clip_->character, state, &skinned);
+  EXPECT_EQ(result.vertices[4], skinned);
+}
+
+TEST_F(RefinementTest, GivenMasksAreTheSilhouettes) {
+  PosedClip clip = clip_->clip();
+  clip.masks = clip_->true_masks;
+  const Delivered result = Refine(clip, {});
+  for (size_t f = 0; f < result.masks.size(); ++f) {
+    EXPECT_EQ(result.refinement.frames[f].silhouette.state, SilhouetteState::kExternal);
+    EXPECT_EQ(cv::countNonZero(result.masks[f] != clip_->truth[f]), 0) << f;
+  }
+}
+
+TEST_F(RefinementTest, CanBeStopped) {
+  ClipRefinementOptions options;
+  options.silhouettes.num_threads = 1;
+  const Delivered result =
+      Refine(clip_->clip(), options, [](const Progress& progress) { return progress.step < 5; });
+  EXPECT_LT(result.vertices.size(), 5u);
+  EXPECT_EQ(result.refinement.frames.size(), result.vertices.size());
+}
+
+TEST_F(RefinementTest, OneFrameIsAClip) {
+  DrawnClip one(1);
+  const ClipRefinement result = RefineClip(one.clip(), {}, [](const RefinedFrame&) {});
+  EXPECT_EQ(result.frames.size(), 1u);
+  EXPECT_TRUE(result.poses.allFinite());
+}
+
+}  // namespace
+}  // namespace mpc

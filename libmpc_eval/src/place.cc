@@ -13,6 +13,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kLampDistanceM = 400;  // outside of everything that casts shadows
 
 Material Made(const cv::Mat& picture, double repeat_m = 0) {
   return {std::make_shared<const Texture>(picture), repeat_m};
@@ -66,7 +67,7 @@ class Builder {
                              std::cos(azimuth) * std::cos(elevation));
     Lighting& light = place_.lighting;
     const double reach = (stage_.actor.max() - stage_.actor.min()).norm();
-    light.lamp_in_world = stage_.actor.center() + (60 + 4 * reach) * direction;
+    light.lamp_in_world = stage_.actor.center() + (kLampDistanceM + 4 * reach) * direction;
     const auto w = static_cast<float>(warmth);
     light.lamp_bgr = static_cast<float>(sun) * Eigen::Array3f(1 - w, 1 - 0.4f * w, 1);
     light.sky_bgr = static_cast<float>(sky) * Eigen::Array3f(1, 1 - 0.3f * w, 1 - 0.6f * w);

@@ -336,15 +336,15 @@ class Builder {
                   "occluders need 0.9 m between the actor's and the camera's paths: use another "
                   "camera or a shorter clip");
     }
-    const double z = actor_front + std::min(0.45 * gap, 0.9);
+    const double z = actor_front + std::min(0.35 * gap, 0.5);
     // What is in front of the actor's middle third.
     const double width = stage_.actor.max().x() - stage_.actor.min().x();
     const double x = stage_.actor.center().x() + dice_.Between(-0.17, 0.17) * width;
     Eigen::Matrix2Xd post(2, 2);
-    post << 0.05, 0.05, 0, std::max(2.2, stage_.actor.max().y() + 0.2);
+    post << 0.035, 0.035, 0, std::max(2.2, stage_.actor.max().y() + 0.2);
     place_.occluders.push_back(Turned({x, 0, z}, post, Made(BarkTexture(&dice_))));
     const double side = dice_.Chance(0.5) ? 0.3 : -0.3;
-    const double half = dice_.Between(0.2, 0.35);
+    const double half = dice_.Between(0.14, 0.24);
     const double box_x = x + side + (side > 0 ? half : -half);
     place_.occluders.push_back(Box({box_x - half, 0, z - 0.2},
                                    {box_x + half, dice_.Between(0.4, 0.65), z + 0.2},

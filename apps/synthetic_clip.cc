@@ -156,9 +156,6 @@ void WriteTruthJson(const SyntheticClipRequest& request,
   clip.width = options.camera.width;
   clip.height = options.camera.height;
   clip.motion = fs::path(request.motion).stem().string();
-  // File names need not be UTF-8, JSON must be.
-  std::replace_if(
-      clip.motion.begin(), clip.motion.end(), [](char c) { return c < ' ' || c > '~'; }, '_');
   if (request.actor.empty()) clip.outfit = mpc::OutfitName(request.outfit);
   clip.seed = options.seed;
   clip.camera_motion = mpc::CameraMotionName(options.camera.motion);

@@ -128,6 +128,7 @@ Command AddSynthCommand(CLI::App* parent) {
   AddCameraOptions(app, arguments.get());
   AddSceneOptions(app, arguments.get());
   app->add_option("--seed", request.options.seed, "Of everything that is drawn by chance")
+      ->check(CLI::Range(std::uint64_t{0}, (std::uint64_t{1} << 53) - 1))  // a number in JSON
       ->capture_default_str();
   app->add_option("--threads", request.num_threads, "0: all cores")
       ->check(CLI::Range(0, 1024))

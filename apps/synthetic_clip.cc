@@ -150,17 +150,17 @@ bool WritePictures(const SyntheticClipRequest& request,
 void WriteTruthJson(const SyntheticClipRequest& request,
                     const mpc::SyntheticPerformance& performance) {
   const mpc::PerformanceOptions& options = performance.options;
-  const fs::path& folder = request.output;
   mpc::TruthClip clip;
   clip.fps = request.fps;
   clip.num_frames = performance.num_frames();
   clip.width = options.camera.width;
   clip.height = options.camera.height;
   clip.motion = fs::path(request.motion).stem().string();
-  clip.outfit = request.actor.empty() ? mpc::OutfitName(request.outfit) : "of the actor";
+  if (request.actor.empty()) clip.outfit = mpc::OutfitName(request.outfit);
   clip.seed = options.seed;
   clip.camera_motion = mpc::CameraMotionName(options.camera.motion);
   clip.noise = mpc::DetectionErrorsName(options.errors);
+  const fs::path& folder = request.output;
   clip.video = folder / "clip.mp4";
   clip.actor = folder / "actor.glb";
   clip.camera = folder / "camera.json";

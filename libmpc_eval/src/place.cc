@@ -13,6 +13,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kLampDistanceM = 400;  // outside of everything that casts shadows
 
 Material Made(const cv::Mat& picture, double repeat_m = 0) {
   return {std::make_shared<const Texture>(picture), repeat_m};
@@ -66,7 +67,7 @@ class Builder {
                              std::cos(azimuth) * std::cos(elevation));
     Lighting& light = place_.lighting;
     const double reach = (stage_.actor.max() - stage_.actor.min()).norm();
-    light.lamp_in_world = stage_.actor.center() + (60 + 4 * reach) * direction;
+    light.lamp_in_world = stage_.actor.center() + (kLampDistanceM + 4 * reach) * direction;
     const auto w = static_cast<float>(warmth);
     light.lamp_bgr = static_cast<float>(sun) * Eigen::Array3f(1 - w, 1 - 0.4f * w, 1);
     light.sky_bgr = static_cast<float>(sky) * Eigen::Array3f(1, 1 - 0.3f * w, 1 - 0.6f * w);
@@ -335,15 +336,15 @@ class Builder {
                   "occluders need 0.9 m between the actor's and the camera's paths: use another "
                   "camera or a shorter clip");
     }
-    const double z = actor_front + std::min(0.45 * gap, 0.9);
+    const double z = actor_front + std::min(0.35 * gap, 0.5);
     // What is in front of the actor's middle third.
     const double width = stage_.actor.max().x() - stage_.actor.min().x();
     const double x = stage_.actor.center().x() + dice_.Between(-0.17, 0.17) * width;
     Eigen::Matrix2Xd post(2, 2);
-    post << 0.05, 0.05, 0, std::max(2.2, stage_.actor.max().y() + 0.2);
+    post << 0.035, 0.035, 0, std::max(2.2, stage_.actor.max().y() + 0.2);
     place_.occluders.push_back(Turned({x, 0, z}, post, Made(BarkTexture(&dice_))));
     const double side = dice_.Chance(0.5) ? 0.3 : -0.3;
-    const double half = dice_.Between(0.2, 0.35);
+    const double half = dice_.Between(0.14, 0.24);
     const double box_x = x + side + (side > 0 ? half : -half);
     place_.occluders.push_back(Box({box_x - half, 0, z - 0.2},
                                    {box_x + half, dice_.Between(0.4, 0.65), z + 0.2},

@@ -67,7 +67,7 @@ class SyntheticScene {
 
   // The picture of frame `frame` (8-bit BGR) from the moment itself and its neighbours, between
   // which vertices and camera are interpolated while the shutter is open. The first and the last
-  // frame of a clip are their own neighbours. About 30 ms per sample of a 720p picture.
+  // frame of a clip are their own neighbours. About 0.1 s per sample of a 720p picture.
   cv::Mat Picture(const Camera& camera, const SceneMoment& previous, const SceneMoment& current,
                   const SceneMoment& next, int frame, double fps) const;
 

@@ -9,7 +9,7 @@ cd "$(dirname "$0")/.."
 
 build_packages=(
   g++ cmake ninja-build
-  libeigen3-dev libceres-dev libopencv-dev libtinygltf-dev libfmt-dev nlohmann-json3-dev
+  libeigen3-dev libceres-dev libopenmesh-dev libopencv-dev libtinygltf-dev libfmt-dev nlohmann-json3-dev
   libcli11-dev
   ffmpeg
 )

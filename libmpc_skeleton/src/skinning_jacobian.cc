@@ -19,16 +19,11 @@ Matrix3d Cross(const Vector3d& a) {
   return cross;
 }
 
-struct DualQuaterniond {
-  Quaterniond real = {0, 0, 0, 0};
-  Quaterniond dual = {0, 0, 0, 0};
-
-  // Adds weight times the other.
-  void Add(double weight, const DualQuaterniond& other) {
-    real.coeffs() += weight * other.real.coeffs();
-    dual.coeffs() += weight * other.dual.coeffs();
-  }
-};
+// Adds weight times a motion to a blend.
+void Add(double weight, const DualQuaterniond& motion, DualQuaterniond* blend) {
+  blend->real.coeffs() += weight * motion.real.coeffs();
+  blend->dual.coeffs() += weight * motion.dual.coeffs();
+}
 
 DualQuaterniond SegmentMotion(const KinematicState& bind, const KinematicState& state, int s) {
   const Matrix3d rotation = state.rotations[s] * bind.rotations[s].transpose();
@@ -96,7 +91,7 @@ Vector3d SkinnedVertex(const Character& character, const KinematicState& state, 
   for (Eigen::Index k = 0; k < num_influences; ++k) {
     double weight;
     const DualQuaterniond motion = influence(k, &weight);
-    blend.Add(weight, motion);
+    Add(weight, motion, &blend);
   }
   Vector3d moved;
   const Eigen::Matrix<double, 3, 8> from_blend = BlendDerivative(blend, x, &moved);
@@ -128,6 +123,78 @@ Vector3d SkinnedVertex(const Character& character, const KinematicState& state, 
     }
   }
   return moved;
+}
+
+void VertexSkinner::Update(const KinematicState& state) {
+  const int num_segments = character_->skeleton.num_segments();
+  motions_.resize(static_cast<size_t>(num_segments));
+  for (int s = 0; s < num_segments; ++s) {
+    motions_[static_cast<size_t>(s)] = SegmentMotion(character_->bind, state, s);
+  }
+  root_ = state.origins.col(0);
+  hinge_begin_ = state.hinge_begin;
+  axes_ = state.hinge_axes;
+  moments_.resize(3, axes_.cols());
+  for (int s = 1; s < num_segments; ++s) {
+    const Vector3d origin = state.origins.col(s);
+    for (int h = hinge_begin_[s]; h < hinge_begin_[s + 1]; ++h) {
+      moments_.col(h) = origin.cross(Vector3d(axes_.col(h)));
+    }
+  }
+}
+
+DualQuaterniond VertexSkinner::Blend(int vertex) const {
+  const DualQuaterniond& pivot = motions_[character_->segments(0, vertex)];
+  DualQuaterniond blend;
+  for (Eigen::Index k = 0; k < character_->segments.rows(); ++k) {
+    const double weight = character_->weights(k, vertex);
+    if (weight == 0) continue;
+    const DualQuaterniond& motion = motions_[character_->segments(k, vertex)];
+    Add(motion.real.dot(pivot.real) < 0 ? -weight : weight, motion, &blend);
+  }
+  return blend;
+}
+
+Vector3d VertexSkinner::Position(int vertex) const {
+  Vector3d moved;
+  BlendDerivative(Blend(vertex), character_->mesh.positions.col(vertex).cast<double>(), &moved);
+  return moved;
+}
+
+void VertexSkinner::Derivative(int vertex, const Vector3d& direction,
+                               Eigen::Ref<Eigen::VectorXd> row) const {
+  const Skeleton& skeleton = character_->skeleton;
+  Vector3d moved;
+  const Eigen::Matrix<double, 8, 1> from_blend =
+      BlendDerivative(Blend(vertex), character_->mesh.positions.col(vertex).cast<double>(), &moved)
+          .transpose() *
+      direction;
+  row.head<3>() = direction;
+  row.segment<3>(3) = (moved - root_).cross(direction);
+
+  angular_.setZero(3, skeleton.num_segments());
+  linear_.setZero(3, skeleton.num_segments());
+  const Quaterniond& pivot = motions_[character_->segments(0, vertex)].real;
+  for (Eigen::Index k = 0; k < character_->segments.rows(); ++k) {
+    double weight = character_->weights(k, vertex);
+    if (weight == 0) continue;
+    const int s = character_->segments(k, vertex);
+    const DualQuaterniond& motion = motions_[s];
+    if (motion.real.dot(pivot) < 0) weight = -weight;
+    const Eigen::Matrix<double, 4, 3> real = HalfRightFactor(motion.real);
+    linear_.col(s) += weight * real.transpose() * from_blend.tail<4>();
+    angular_.col(s) += weight * (real.transpose() * from_blend.head<4>() +
+                                 HalfRightFactor(motion.dual).transpose() * from_blend.tail<4>());
+  }
+  // A hinge twists all segments beyond it.
+  for (int s = skeleton.num_segments() - 1; s > 0; --s) {
+    for (int h = hinge_begin_[s]; h < hinge_begin_[s + 1]; ++h) {
+      row[6 + h] = angular_.col(s).dot(axes_.col(h)) + linear_.col(s).dot(moments_.col(h));
+    }
+    const int parent = skeleton.segments[s].parent;
+    angular_.col(parent) += angular_.col(s);
+    linear_.col(parent) += linear_.col(s);
+  }
 }
 
 }  // namespace mpc

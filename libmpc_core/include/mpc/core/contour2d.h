@@ -25,6 +25,8 @@ class ContourIndex {
   int Nearest(const Eigen::Vector2d& point, const Eigen::Vector2d& normal, double max_distance_px,
               double min_cos) const;
 
+  const Contour2d& contour() const { return contour_; }
+
  private:
   Contour2d contour_;
   double cell_px_;

@@ -4,6 +4,8 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <vector>
 
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/kinematics.h"
@@ -15,5 +17,39 @@ namespace mpc {
 // by the function. O(K N). Throws Error (kInvalidArgument) for a vertex out of range.
 Eigen::Vector3d SkinnedVertex(const Character& character, const KinematicState& state, int vertex,
                               Eigen::Matrix3Xd* jacobian = nullptr);
+
+// A rigid motion from the bind pose, or a blend of several, in double (mpc/skeleton/skinning.h).
+struct DualQuaterniond {
+  Eigen::Quaterniond real = {0, 0, 0, 0};
+  Eigen::Quaterniond dual = {0, 0, 0, 0};
+};
+
+// The same for many vertices of one pose: what they share is computed once. Refers to the character,
+// which must outlive it. Vertices must be in range, they are not checked. Not thread-safe.
+class VertexSkinner {
+ public:
+  explicit VertexSkinner(const Character& character) : character_(&character) {}
+
+  // Sets the pose; nothing else may be called before.
+  void Update(const KinematicState& state);
+
+  Eigen::Vector3d Position(int vertex) const;
+
+  // d (direction . x) / d pose of a vertex x, written to `row` (N).
+  void Derivative(int vertex, const Eigen::Vector3d& direction,
+                  Eigen::Ref<Eigen::VectorXd> row) const;
+
+ private:
+  DualQuaterniond Blend(int vertex) const;
+
+  const Character* character_;
+  Eigen::Vector3d root_ = Eigen::Vector3d::Zero();
+  std::vector<DualQuaterniond> motions_;  // S
+  std::vector<int> hinge_begin_;          // S+1
+  Eigen::Matrix3Xd axes_;                 // 3xH: of the hinges,
+  Eigen::Matrix3Xd moments_;              // 3xH: and origin x axis
+  // Scratch, 3xS: what a twist of the segment (angular, linear) does to the vertex.
+  mutable Eigen::Matrix3Xd angular_, linear_;
+};
 
 }  // namespace mpc

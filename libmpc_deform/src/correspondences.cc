@@ -1,0 +1,193 @@
+#include "mpc/deform/correspondences.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <string>
+
+#include "mpc/core/error.h"
+
+namespace mpc {
+namespace {
+
+constexpr double kPictureBorder_px = 2;
+// Around the model, so that the border of the crop is never taken for the picture's.
+constexpr int kCropMargin_px = 4;
+// Half the width of the window in which vertices share their length of outline, m.
+constexpr double kLengthWindow_m = 0.02;
+
+// The model's outline in a picture as large as the model, in pixels of the whole picture.
+ModelBoundary BoundaryInPicture(const Camera& camera, const Eigen::Matrix3Xf& positions,
+                                const SurfaceTopology& topology, CorrespondenceScratch* scratch) {
+  cv::Rect crop = ProjectedBounds(camera, positions);
+  if (crop.empty()) return {};
+  crop -= cv::Point(kCropMargin_px, kCropMargin_px);
+  crop += cv::Size(2 * kCropMargin_px, 2 * kCropMargin_px);
+  crop &= cv::Rect(0, 0, camera.width, camera.height);
+  const Camera cropped = CroppedTo(camera, crop);
+  RasterizeMesh(cropped, positions, topology.triangles, {}, &scratch->raster);
+  scratch->mask = scratch->raster.triangle_id >= 0;
+  ModelBoundary boundary =
+      FindModelBoundary(cropped, positions, topology, scratch->mask, scratch->raster.depth);
+  boundary.pixels.colwise() += Eigen::Vector2d(crop.x, crop.y);
+  return boundary;
+}
+
+// One over the number of vertices within the window that face the same way, then scaled to mean 1.
+Eigen::VectorXd LengthWeights(const ModelBoundary& boundary, const Eigen::VectorXd& px_per_m) {
+  const Eigen::Index count = boundary.pixels.cols();
+  std::vector<int> by_x(static_cast<size_t>(count));
+  std::iota(by_x.begin(), by_x.end(), 0);
+  std::sort(by_x.begin(), by_x.end(), [&](int a, int b) {
+    return std::pair(boundary.pixels(0, a), a) < std::pair(boundary.pixels(0, b), b);
+  });
+  Eigen::VectorXd weights(count);
+  for (size_t i = 0; i < by_x.size(); ++i) {
+    const int v = by_x[i];
+    const double reach = kLengthWindow_m * px_per_m[v];
+    int neighbours = 0;
+    const auto look = [&](size_t k) {
+      const int w = by_x[k];
+      const Eigen::Vector2d apart = boundary.pixels.col(w) - boundary.pixels.col(v);
+      if (std::abs(apart.x()) > reach) return false;
+      neighbours += apart.squaredNorm() <= reach * reach &&
+                    boundary.normals.col(v).dot(boundary.normals.col(w)) > 0;
+      return true;
+    };
+    for (size_t k = i; k < by_x.size() && look(k); ++k) {
+    }
+    for (size_t k = i; k > 0 && look(k - 1); --k) {
+    }
+    weights[v] = 1.0 / neighbours;
+  }
+  return weights / weights.mean();
+}
+
+// Per vertex of the boundary: the point of the silhouette, or -1.
+std::vector<int> FindTargets(const ModelBoundary& boundary, const Eigen::VectorXd& px_per_m,
+                             const BodyParts& parts, const ContourIndex& silhouette,
+                             const CorrespondenceOptions& options) {
+  const Contour2d& contour = silhouette.contour();
+  const double min_cos = std::cos(options.max_angle_rad);
+  const ContourIndex model({boundary.pixels, boundary.normals});
+  std::vector<int> targets(boundary.vertices.size(), -1);
+  for (size_t i = 0; i < targets.size(); ++i) {
+    const auto column = static_cast<Eigen::Index>(i);
+    const double reach = options.max_distance_m * px_per_m[column];
+    const int target = silhouette.Nearest(boundary.pixels.col(column),
+                                          boundary.normals.col(column), reach, min_cos);
+    if (target < 0) continue;
+    if (options.match_parts) {
+      // The part that a point of the silhouette shows is that of the model's nearest outline.
+      const int looks_like = model.Nearest(contour.points.col(target), contour.normals.col(target),
+                                           reach * (1 + 1e-9), min_cos);
+      if (looks_like < 0 || !parts.Compatible(boundary.vertices[i],
+                                              boundary.vertices[static_cast<size_t>(looks_like)])) {
+        continue;
+      }
+    }
+    targets[i] = target;
+  }
+  return targets;
+}
+
+// Drops the targets of parts, and of the model, that have too few.
+void DropUnsupported(const ModelBoundary& boundary, const Eigen::VectorXd& weights,
+                     const BodyParts& parts, const CorrespondenceOptions& options,
+                     std::vector<int>* targets) {
+  Eigen::VectorXd all = Eigen::VectorXd::Zero(parts.num_parts()), matched = all;
+  const auto part = [&](size_t i) { return parts.part(boundary.vertices[i]); };
+  for (size_t i = 0; i < targets->size(); ++i) {
+    const double weight = weights[static_cast<Eigen::Index>(i)];
+    all[part(i)] += weight;
+    if ((*targets)[i] >= 0) matched[part(i)] += weight;
+  }
+  const bool whole = matched.sum() >= options.min_support * all.sum();
+  for (size_t i = 0; i < targets->size(); ++i) {
+    const bool supported = matched[part(i)] >= options.min_part_support * all[part(i)];
+    if (!whole || !supported) (*targets)[i] = -1;
+  }
+}
+
+}  // namespace
+
+CorrespondenceOptions CorrespondenceOptions::Paper() {
+  CorrespondenceOptions options;
+  options.max_distance_m = 10;
+  options.match_parts = false;
+  options.min_part_support = 0;
+  options.min_support = 0;
+  options.weigh_by_length = false;
+  return options;
+}
+
+void CorrespondenceOptions::Validate() const {
+  std::string faults;
+  const auto check = [&](bool good, const char* name, double value, const char* expected) {
+    if (good) return;
+    faults += fmt::format("{}{} is {}, expected {}", faults.empty() ? "" : "; ", name, value,
+                          expected);
+  };
+  check(max_distance_m > 0 && std::isfinite(max_distance_m), "max_distance_m", max_distance_m,
+        "a positive number");
+  check(max_angle_rad > 0 && max_angle_rad <= std::numbers::pi, "max_angle_rad", max_angle_rad,
+        "0 to pi");
+  check(min_part_support >= 0 && min_part_support <= 1, "min_part_support", min_part_support,
+        "0 to 1");
+  check(min_support >= 0 && min_support <= 1, "min_support", min_support, "0 to 1");
+  if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "correspondences: " + faults);
+}
+
+ContourIndex IndexSilhouette(const Contour2d& contour, const Camera& camera) {
+  if (contour.points.cols() != contour.normals.cols()) return ContourIndex(contour);  // throws
+  std::vector<Eigen::Index> inside;
+  for (Eigen::Index i = 0; i < contour.points.cols(); ++i) {
+    const double x = contour.points(0, i), y = contour.points(1, i);
+    const bool at_border = x < kPictureBorder_px || x > camera.width - 1 - kPictureBorder_px ||
+                           y < kPictureBorder_px || y > camera.height - 1 - kPictureBorder_px;
+    if (!at_border) inside.push_back(i);
+  }
+  return ContourIndex({contour.points(Eigen::all, inside), contour.normals(Eigen::all, inside)});
+}
+
+Correspondences FindCorrespondences(const Camera& camera,
+                                    const Eigen::Matrix3Xf& positions_in_camera,
+                                    const SurfaceTopology& topology, const BodyParts& parts,
+                                    const ContourIndex& silhouette,
+                                    const CorrespondenceOptions& options,
+                                    CorrespondenceScratch* scratch) {
+  options.Validate();
+  Correspondences found;
+  if (silhouette.contour().points.cols() == 0) return found;
+  const ModelBoundary boundary = BoundaryInPicture(camera, positions_in_camera, topology, scratch);
+  found.num_boundary = static_cast<int>(boundary.vertices.size());
+  if (found.num_boundary == 0) return found;
+
+  Eigen::VectorXd px_per_m(found.num_boundary);
+  for (int i = 0; i < found.num_boundary; ++i) {
+    px_per_m[i] = std::max(camera.fx, camera.fy) /
+                  positions_in_camera(2, boundary.vertices[static_cast<size_t>(i)]);
+  }
+  const Eigen::VectorXd weights = options.weigh_by_length
+                                      ? LengthWeights(boundary, px_per_m)
+                                      : Eigen::VectorXd::Ones(found.num_boundary);
+  std::vector<int> targets = FindTargets(boundary, px_per_m, parts, silhouette, options);
+  DropUnsupported(boundary, weights, parts, options, &targets);
+
+  std::vector<int> kept, points;
+  for (int i = 0; i < found.num_boundary; ++i) {
+    if (targets[static_cast<size_t>(i)] < 0) continue;
+    kept.push_back(i);
+    points.push_back(targets[static_cast<size_t>(i)]);
+    found.vertices.push_back(boundary.vertices[static_cast<size_t>(i)]);
+  }
+  found.targets = silhouette.contour().points(Eigen::all, points);
+  found.normals = silhouette.contour().normals(Eigen::all, points);
+  found.weights = weights(kept);
+  return found;
+}
+
+}  // namespace mpc

@@ -26,8 +26,8 @@ BodyParts::BodyParts(const Character& character, double reach)
 
 bool BodyParts::Compatible(int vertex, int other) const {
   const int a = part(vertex), b = part(other);
-  const bool adjacent = a == b || parents_[static_cast<size_t>(a)] == b ||
-                        parents_[static_cast<size_t>(b)] == a;
+  const bool adjacent =
+      a == b || parents_[static_cast<size_t>(a)] == b || parents_[static_cast<size_t>(b)] == a;
   return adjacent && (at_bind_.col(vertex) - at_bind_.col(other)).norm() <= reach_m_;
 }
 

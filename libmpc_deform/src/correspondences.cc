@@ -77,8 +77,8 @@ std::vector<int> FindTargets(const ModelBoundary& boundary, const Eigen::VectorX
   for (size_t i = 0; i < targets.size(); ++i) {
     const auto column = static_cast<Eigen::Index>(i);
     const double reach = options.max_distance_m * px_per_m[column];
-    const int target = silhouette.Nearest(boundary.pixels.col(column),
-                                          boundary.normals.col(column), reach, min_cos);
+    const int target = silhouette.Nearest(boundary.pixels.col(column), boundary.normals.col(column),
+                                          reach, min_cos);
     if (target < 0) continue;
     if (options.match_parts) {
       // The part that a point of the silhouette shows is that of the model's nearest outline.
@@ -128,8 +128,8 @@ void CorrespondenceOptions::Validate() const {
   std::string faults;
   const auto check = [&](bool good, const char* name, double value, const char* expected) {
     if (good) return;
-    faults += fmt::format("{}{} is {}, expected {}", faults.empty() ? "" : "; ", name, value,
-                          expected);
+    faults +=
+        fmt::format("{}{} is {}, expected {}", faults.empty() ? "" : "; ", name, value, expected);
   };
   check(max_distance_m > 0 && std::isfinite(max_distance_m), "max_distance_m", max_distance_m,
         "a positive number");

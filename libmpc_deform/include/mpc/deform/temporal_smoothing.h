@@ -1,0 +1,61 @@
+// Purpose: smooth over time what was refined frame by frame, without flattening the motion itself.
+// Source: paper, end of Section 5: "temporally smoothing the per-frame results based on a centered
+// window of 5 frames". Ours: the difference that refinement made is smoothed, not the motion, which
+// the batch has smoothed already (docs/deform.md).
+// Frames: any, the same for all. Units: as the input's. Symbols: N dofs, F frames, V vertices.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "mpc/skeleton/character.h"
+#include "mpc/skeleton/kinematics.h"
+#include "mpc/skeleton/skeleton.h"
+
+namespace mpc {
+
+struct SmoothingOptions {
+  int window_frames = 5;  // centred, odd, 1: no smoothing; paper
+  // Degree of the polynomial in time that is fitted to the window, 0 to 2. 1 is the mean of the
+  // window, and follows a trend at the ends of a clip, where the window has one side only.
+  int degree = 1;
+  bool correction_only = true;  // smooth refined minus batch; false: the refined motion (paper)
+
+  // The mean of the motion itself.
+  static SmoothingOptions Paper();
+
+  // Throws Error (kInvalidArgument) naming every fault.
+  void Validate() const;
+};
+
+// Weights of the frames of a window (window_frames entries) for the value of the frame in its
+// middle. usable: false for frames outside the clip, or whose value is not known. They sum to one
+// where the middle is usable or has usable frames on both sides. Beyond the last usable frame on
+// one side they fade to zero over the reach of the window: a correction ends gently where
+// refinement was refused. Throws Error (kInvalidArgument) for a wrong size.
+Eigen::VectorXd SmoothingWeights(const std::vector<bool>& usable, const SmoothingOptions& options);
+
+// Smoothed poses, N x F, within the skeleton's bounds: translation and angles linearly, rotations of
+// the root on SO(3). Where is_refined is false `refined` is not read: the frame gets its neighbours'
+// correction, or with correction_only off counts as the batch has it. Throws Error (kMismatch) for
+// sizes that differ.
+Eigen::MatrixXd SmoothPoses(const Skeleton& skeleton, const Eigen::MatrixXd& batch,
+                            const Eigen::MatrixXd& refined, const std::vector<bool>& is_refined,
+                            const SmoothingOptions& options);
+
+// Displacements of a posed mesh's vertices (3xV), turned from the axes of the posed body into those
+// of the bind pose, where they can be compared between frames, and back. Each vertex turns as
+// dual-quaternion skinning turns it. Throws Error (kMismatch) for another number of vertices.
+void TurnToBind(const Character& character, const KinematicState& state,
+                Eigen::Matrix3Xf* displacements);
+void TurnFromBind(const Character& character, const KinematicState& state,
+                  Eigen::Matrix3Xf* displacements);
+
+// The smoothed displacements (3xV, in the axes of the bind pose) of the frame in the middle of a
+// window of window_frames frames; empty matrices stand for frames outside the clip or that were not
+// refined. Empty when all are. Throws Error (kInvalidArgument, kMismatch) for wrong sizes.
+Eigen::Matrix3Xf SmoothDisplacements(std::span<const Eigen::Matrix3Xf> window,
+                                     const SmoothingOptions& options);
+
+}  // namespace mpc

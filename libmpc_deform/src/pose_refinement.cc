@@ -1,0 +1,115 @@
+#include "mpc/deform/pose_refinement.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "mpc/core/error.h"
+#include "mpc/deform/refinement_solver.h"
+#include "mpc/skeleton/kinematics.h"
+#include "mpc/skeleton/skinning.h"
+
+namespace mpc {
+
+PoseRefinementOptions PoseRefinementOptions::Paper() {
+  PoseRefinementOptions options;
+  options.along_ray = 1;
+  options.robust_m = 0;
+  options.correspondences = CorrespondenceOptions::Paper();
+  options.relative_tolerance = 1e-6;
+  options.max_steps = 100;
+  return options;
+}
+
+void PoseRefinementOptions::Validate() const {
+  correspondences.Validate();
+  std::string faults;
+  const auto check = [&](bool good, const char* name, double value, const char* expected) {
+    if (good) return;
+    faults +=
+        fmt::format("{}{} is {}, expected {}", faults.empty() ? "" : "; ", name, value, expected);
+  };
+  check(num_iterations >= 1, "num_iterations", num_iterations, "at least 1");
+  check(weight_stab > 0 && std::isfinite(weight_stab), "weight_stab", weight_stab,
+        "a positive number");
+  check(along_ray >= 1 && std::isfinite(along_ray), "along_ray", along_ray, "at least 1");
+  check(robust_m >= 0 && std::isfinite(robust_m), "robust_m", robust_m, "at least 0");
+  check(relative_tolerance > 0, "relative_tolerance", relative_tolerance, "a positive number");
+  check(max_steps >= 1, "max_steps", max_steps, "at least 1");
+  if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "pose refinement: " + faults);
+}
+
+const char* RefinementStateName(RefinementState state) {
+  switch (state) {
+    case RefinementState::kRefined:
+      return "refined";
+    case RefinementState::kNoSilhouette:
+      return "no silhouette";
+    case RefinementState::kNoModel:
+      return "no model";
+    case RefinementState::kNoMatch:
+      return "no match";
+  }
+  return "unknown";
+}
+
+PoseRefiner::PoseRefiner(const Character& character, const PoseRefinementOptions& options)
+    : character_(&character),
+      options_(options),
+      topology_(SurfaceTopology::FromMesh(character.mesh)),
+      parts_(character) {
+  options_.Validate();
+}
+
+PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& batch_pose,
+                                   const Contour2d& silhouette,
+                                   CorrespondenceScratch* scratch) const {
+  const Skeleton& skeleton = character_->skeleton;
+  if (!batch_pose.allFinite()) {
+    throw Error(ErrorCode::kInvalidArgument, "pose refinement: the batch pose is not finite");
+  }
+  KinematicState state;
+  ForwardKinematics(skeleton, batch_pose, &state);
+  const ContourIndex outline = IndexSilhouette(silhouette, camera);
+  const StabilityEnergy stability(skeleton, batch_pose, options_.weight_stab, options_.along_ray);
+  const double px_per_m = 1920.0 / std::max(camera.width, camera.height) *
+                          std::max(camera.fx, camera.fy) / std::abs(batch_pose[2]);
+
+  PoseRefinement result;
+  result.pose = batch_pose;
+  Eigen::VectorXd pose = batch_pose;
+  Eigen::Matrix3Xf vertices;
+  for (int i = 0; i < options_.num_iterations; ++i) {
+    if (i > 0) ForwardKinematics(skeleton, pose, &state);
+    SkinCharacter(*character_, state, &vertices);
+    const Correspondences found = FindCorrespondences(camera, vertices, topology_, parts_, outline,
+                                                      options_.correspondences, scratch);
+    if (found.size() == 0) {
+      result.state = outline.contour().points.cols() == 0 ? RefinementState::kNoSilhouette
+                     : found.num_boundary == 0            ? RefinementState::kNoModel
+                                                          : RefinementState::kNoMatch;
+      return result;
+    }
+    const RefinementProblem problem(
+        *character_, ContourEnergy(camera, found, options_.robust_m * px_per_m), stability);
+    const RefinementSolve solve =
+        SolveRefinement(problem, options_.relative_tolerance, options_.max_steps, &pose);
+    if (solve.failed) {
+      result.state = RefinementState::kNoModel;
+      return result;
+    }
+    if (i == 0) {
+      result.cost_before = solve.initial_cost;
+      result.support = found.weights.sum() / found.num_boundary;
+    }
+    result.cost_after = solve.final_cost;
+    result.num_steps += solve.steps;
+  }
+  result.pose = pose;
+  result.state = RefinementState::kRefined;
+  return result;
+}
+
+}  // namespace mpc

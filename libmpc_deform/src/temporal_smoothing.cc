@@ -1,0 +1,182 @@
+#include "mpc/deform/temporal_smoothing.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "mpc/core/error.h"
+#include "mpc/core/rigid.h"
+#include "mpc/skeleton/skinning.h"
+
+namespace mpc {
+namespace {
+
+// x [-] base: translation, left rotation vector, angles.
+Eigen::VectorXd Difference(const Eigen::VectorXd& x, const Eigen::VectorXd& base) {
+  Eigen::VectorXd difference = x - base;
+  difference.segment<3>(3) =
+      LogSO3(ExpSO3(x.segment<3>(3)) * ExpSO3(base.segment<3>(3)).transpose());
+  return difference;
+}
+
+Eigen::VectorXd Plus(const Eigen::VectorXd& base, const Eigen::VectorXd& difference) {
+  Eigen::VectorXd x = base + difference;
+  x.segment<3>(3) = LogSO3(ExpSO3(difference.segment<3>(3)) * ExpSO3(base.segment<3>(3)));
+  return x;
+}
+
+// Weights with which least squares of a polynomial through values at `times` gives that at time 0.
+Eigen::VectorXd PolynomialWeights(const Eigen::VectorXd& times, int degree) {
+  const int terms = std::min(degree + 1, static_cast<int>(times.size()));
+  Eigen::MatrixXd powers = Eigen::MatrixXd::Ones(times.size(), terms);
+  for (int d = 1; d < terms; ++d) powers.col(d) = powers.col(d - 1).cwiseProduct(times);
+  return powers.householderQr()
+      .solve(Eigen::MatrixXd::Identity(times.size(), times.size()))
+      .row(0)
+      .transpose();
+}
+
+// Every vertex turned by its blended rotation from the bind pose, or by the inverse.
+void Turn(const Character& character, const KinematicState& state, bool inverse,
+          Eigen::Matrix3Xf* displacements) {
+  if (displacements->cols() != character.segments.cols()) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("{} displacements of a mesh with {} vertices", displacements->cols(),
+                            character.segments.cols()));
+  }
+  std::vector<DualQuaternion> motions;
+  SegmentMotions(character.bind, state, &motions);
+  for (Eigen::Index v = 0; v < displacements->cols(); ++v) {
+    const Eigen::Vector4f& pivot = motions[character.segments(0, v)].real;
+    Eigen::Vector4f blend = Eigen::Vector4f::Zero();
+    for (Eigen::Index k = 0; k < character.segments.rows(); ++k) {
+      const Eigen::Vector4f& real = motions[character.segments(k, v)].real;
+      blend += (real.dot(pivot) < 0 ? -1.0f : 1.0f) * character.weights(k, v) * real;
+    }
+    Eigen::Quaternionf turn(blend[0], blend[1], blend[2], blend[3]);
+    turn.normalize();
+    displacements->col(v) =
+        (inverse ? turn.conjugate() : turn) * Eigen::Vector3f(displacements->col(v));
+  }
+}
+
+}  // namespace
+
+SmoothingOptions SmoothingOptions::Paper() {
+  SmoothingOptions options;
+  options.correction_only = false;
+  return options;
+}
+
+void SmoothingOptions::Validate() const {
+  std::string faults;
+  if (window_frames < 1 || window_frames % 2 == 0) {
+    faults += fmt::format("window_frames is {}, expected an odd number", window_frames);
+  }
+  if (degree < 0 || degree > 2) {
+    faults += fmt::format("{}degree is {}, expected 0 to 2", faults.empty() ? "" : "; ", degree);
+  }
+  if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "smoothing: " + faults);
+}
+
+Eigen::VectorXd SmoothingWeights(const std::vector<bool>& usable, const SmoothingOptions& options) {
+  options.Validate();
+  if (static_cast<int>(usable.size()) != options.window_frames) {
+    throw Error(ErrorCode::kInvalidArgument, fmt::format("window of {} frames, expected {}",
+                                                         usable.size(), options.window_frames));
+  }
+  const int reach = options.window_frames / 2;
+  std::vector<int> frames;
+  for (int i = 0; i < options.window_frames; ++i) {
+    if (usable[static_cast<size_t>(i)]) frames.push_back(i);
+  }
+  Eigen::VectorXd weights = Eigen::VectorXd::Zero(options.window_frames);
+  if (frames.empty()) return weights;
+
+  const Eigen::VectorXd times =
+      Eigen::VectorXi::Map(frames.data(), static_cast<Eigen::Index>(frames.size()))
+          .cast<double>()
+          .array() -
+      reach;
+  const double before = times.head<1>()[0], after = times.tail<1>()[0];
+  if (usable[static_cast<size_t>(reach)] || (before < 0 && after > 0)) {
+    weights(frames) = PolynomialWeights(times, options.degree);
+  } else {
+    const double distance = before > 0 ? before : -after;
+    weights(frames).setConstant((1 - distance / (reach + 1)) / static_cast<double>(frames.size()));
+  }
+  return weights;
+}
+
+Eigen::MatrixXd SmoothPoses(const Skeleton& skeleton, const Eigen::MatrixXd& batch,
+                            const Eigen::MatrixXd& refined, const std::vector<bool>& is_refined,
+                            const SmoothingOptions& options) {
+  const Eigen::Index num_frames = batch.cols();
+  if (batch.rows() != skeleton.num_dofs() || refined.rows() != batch.rows() ||
+      refined.cols() != num_frames || static_cast<Eigen::Index>(is_refined.size()) != num_frames) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("smoothing: batch {} x {}, refined {} x {}, {} flags, {} dofs",
+                            batch.rows(), batch.cols(), refined.rows(), refined.cols(),
+                            is_refined.size(), skeleton.num_dofs()));
+  }
+  options.Validate();
+  const Eigen::VectorXd lower = skeleton.LowerBounds(), upper = skeleton.UpperBounds();
+  const int reach = options.window_frames / 2;
+  const auto pose = [&](Eigen::Index f) -> Eigen::VectorXd {
+    return is_refined[static_cast<size_t>(f)] ? refined.col(f) : batch.col(f);
+  };
+  Eigen::MatrixXd smoothed(batch.rows(), num_frames);
+  for (Eigen::Index f = 0; f < num_frames; ++f) {
+    std::vector<bool> usable;
+    for (Eigen::Index g = f - reach; g <= f + reach; ++g) {
+      const bool inside = g >= 0 && g < num_frames;
+      usable.push_back(inside && (is_refined[static_cast<size_t>(g)] || !options.correction_only));
+    }
+    const Eigen::VectorXd weights = SmoothingWeights(usable, options);
+    Eigen::VectorXd difference = Eigen::VectorXd::Zero(batch.rows());
+    for (int i = 0; i < options.window_frames; ++i) {
+      if (!usable[static_cast<size_t>(i)]) continue;
+      const Eigen::Index g = f - reach + i;
+      const Eigen::VectorXd base = options.correction_only ? batch.col(g) : pose(f);
+      difference += weights[i] * Difference(pose(g), base);
+    }
+    const Eigen::VectorXd base = options.correction_only ? batch.col(f) : pose(f);
+    smoothed.col(f) = Plus(base, difference).cwiseMax(lower).cwiseMin(upper);
+  }
+  return smoothed;
+}
+
+void TurnToBind(const Character& character, const KinematicState& state,
+                Eigen::Matrix3Xf* displacements) {
+  Turn(character, state, /*inverse=*/true, displacements);
+}
+
+void TurnFromBind(const Character& character, const KinematicState& state,
+                  Eigen::Matrix3Xf* displacements) {
+  Turn(character, state, /*inverse=*/false, displacements);
+}
+
+Eigen::Matrix3Xf SmoothDisplacements(std::span<const Eigen::Matrix3Xf> window,
+                                     const SmoothingOptions& options) {
+  std::vector<bool> usable;
+  for (const Eigen::Matrix3Xf& displacements : window) usable.push_back(displacements.cols() > 0);
+  const Eigen::VectorXd weights = SmoothingWeights(usable, options);
+  Eigen::Matrix3Xf smoothed;
+  for (size_t i = 0; i < window.size(); ++i) {
+    if (!usable[i]) continue;
+    if (smoothed.cols() == 0) smoothed.setZero(3, window[i].cols());
+    if (window[i].cols() != smoothed.cols()) {
+      throw Error(ErrorCode::kMismatch,
+                  fmt::format("smoothing: frames with {} and {} displacements", smoothed.cols(),
+                              window[i].cols()));
+    }
+    smoothed += static_cast<float>(weights[static_cast<Eigen::Index>(i)]) * window[i];
+  }
+  return smoothed;
+}
+
+}  // namespace mpc

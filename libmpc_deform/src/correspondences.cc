@@ -19,49 +19,78 @@ constexpr int kCropMargin_px = 4;
 // Half the width of the window in which vertices share their length of outline, m.
 constexpr double kLengthWindow_m = 0.02;
 
-// The model's outline in a picture as large as the model, in pixels of the whole picture.
-ModelBoundary BoundaryInPicture(const Camera& camera, const Eigen::Matrix3Xf& positions,
-                                const SurfaceTopology& topology, CorrespondenceScratch* scratch) {
-  cv::Rect crop = ProjectedBounds(camera, positions);
-  if (crop.empty()) return {};
-  crop -= cv::Point(kCropMargin_px, kCropMargin_px);
-  crop += cv::Size(2 * kCropMargin_px, 2 * kCropMargin_px);
-  crop &= cv::Rect(0, 0, camera.width, camera.height);
-  const Camera cropped = CroppedTo(camera, crop);
-  RasterizeMesh(cropped, positions, topology.triangles, {}, &scratch->raster);
-  scratch->mask = scratch->raster.triangle_id >= 0;
-  ModelBoundary boundary =
-      FindModelBoundary(cropped, positions, topology, scratch->mask, scratch->raster.depth);
-  boundary.pixels.colwise() += Eigen::Vector2d(crop.x, crop.y);
-  return boundary;
-}
+// Vertices of the outline by their x, and who lies within reach of one and faces the same way.
+class OutlineOrder {
+ public:
+  explicit OutlineOrder(const ModelBoundary& outline)
+      : outline_(outline), by_x_(outline.vertices.size()) {
+    std::iota(by_x_.begin(), by_x_.end(), 0);
+    std::sort(by_x_.begin(), by_x_.end(), [&](int a, int b) {
+      return std::pair(outline.pixels(0, a), a) < std::pair(outline.pixels(0, b), b);
+    });
+  }
 
-// One over the number of vertices within the window that face the same way, then scaled to mean 1.
-Eigen::VectorXd LengthWeights(const ModelBoundary& boundary, const Eigen::VectorXd& px_per_m) {
-  const Eigen::Index count = boundary.pixels.cols();
-  std::vector<int> by_x(static_cast<size_t>(count));
-  std::iota(by_x.begin(), by_x.end(), 0);
-  std::sort(by_x.begin(), by_x.end(), [&](int a, int b) {
-    return std::pair(boundary.pixels(0, a), a) < std::pair(boundary.pixels(0, b), b);
-  });
-  Eigen::VectorXd weights(count);
-  for (size_t i = 0; i < by_x.size(); ++i) {
-    const int v = by_x[i];
-    const double reach = kLengthWindow_m * px_per_m[v];
-    int neighbours = 0;
+  int operator[](size_t i) const { return by_x_[i]; }
+
+  // Calls visit(w) for every such vertex w, the i-th itself among them.
+  template <typename Visit>
+  void ForNeighbours(size_t i, double reach_px, const Visit& visit) const {
+    const int v = by_x_[i];
     const auto look = [&](size_t k) {
-      const int w = by_x[k];
-      const Eigen::Vector2d apart = boundary.pixels.col(w) - boundary.pixels.col(v);
-      if (std::abs(apart.x()) > reach) return false;
-      neighbours += apart.squaredNorm() <= reach * reach &&
-                    boundary.normals.col(v).dot(boundary.normals.col(w)) > 0;
+      const int w = by_x_[k];
+      const Eigen::Vector2d apart = outline_.pixels.col(w) - outline_.pixels.col(v);
+      if (std::abs(apart.x()) > reach_px) return false;
+      if (apart.squaredNorm() <= reach_px * reach_px &&
+          outline_.normals.col(v).dot(outline_.normals.col(w)) > 0) {
+        visit(w);
+      }
       return true;
     };
-    for (size_t k = i; k < by_x.size() && look(k); ++k) {
+    for (size_t k = i; k < by_x_.size() && look(k); ++k) {
     }
     for (size_t k = i; k > 0 && look(k - 1); --k) {
     }
-    weights[v] = 1.0 / neighbours;
+  }
+
+ private:
+  const ModelBoundary& outline_;
+  std::vector<int> by_x_;
+};
+
+double PxPerMetre(const Camera& camera, const Eigen::Matrix3Xf& positions, int vertex) {
+  return std::max(camera.fx, camera.fy) / positions(2, vertex);
+}
+
+// Leaves out vertices within reach of one that stays.
+void Thin(const Camera& camera, const Eigen::Matrix3Xf& positions, double min_spacing_m,
+          ModelBoundary* outline) {
+  const OutlineOrder order(*outline);
+  std::vector<uint8_t> stays(outline->vertices.size(), 0);
+  for (size_t i = 0; i < stays.size(); ++i) {
+    const int v = order[i];
+    const double reach =
+        min_spacing_m * PxPerMetre(camera, positions, outline->vertices[static_cast<size_t>(v)]);
+    bool alone = true;
+    order.ForNeighbours(i, reach, [&](int w) { alone &= stays[static_cast<size_t>(w)] == 0; });
+    stays[static_cast<size_t>(v)] = alone;
+  }
+  std::vector<int> kept, vertices;
+  for (int i = 0; i < static_cast<int>(stays.size()); ++i) {
+    if (stays[static_cast<size_t>(i)] == 0) continue;
+    kept.push_back(i);
+    vertices.push_back(outline->vertices[static_cast<size_t>(i)]);
+  }
+  *outline = {vertices, outline->pixels(Eigen::all, kept), outline->normals(Eigen::all, kept)};
+}
+
+// One over the number of vertices within the window, then scaled to mean 1.
+Eigen::VectorXd LengthWeights(const ModelBoundary& outline, const Eigen::VectorXd& px_per_m) {
+  const OutlineOrder order(outline);
+  Eigen::VectorXd weights(outline.pixels.cols());
+  for (size_t i = 0; i < outline.vertices.size(); ++i) {
+    int count = 0;
+    order.ForNeighbours(i, kLengthWindow_m * px_per_m[order[i]], [&](int) { ++count; });
+    weights[order[i]] = 1.0 / count;
   }
   return weights / weights.mean();
 }
@@ -138,6 +167,8 @@ void CorrespondenceOptions::Validate() const {
   check(min_part_support >= 0 && min_part_support <= 1, "min_part_support", min_part_support,
         "0 to 1");
   check(min_support >= 0 && min_support <= 1, "min_support", min_support, "0 to 1");
+  check(min_spacing_m >= 0 && std::isfinite(min_spacing_m), "min_spacing_m", min_spacing_m,
+        "at least 0");
   if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "correspondences: " + faults);
 }
 
@@ -153,6 +184,53 @@ ContourIndex IndexSilhouette(const Contour2d& contour, const Camera& camera) {
   return ContourIndex({contour.points(Eigen::all, inside), contour.normals(Eigen::all, inside)});
 }
 
+ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                          const SurfaceTopology& topology, double min_spacing_m,
+                          CorrespondenceScratch* scratch) {
+  cv::Rect crop = ProjectedBounds(camera, positions_in_camera);
+  if (crop.empty()) return {};
+  crop -= cv::Point(kCropMargin_px, kCropMargin_px);
+  crop += cv::Size(2 * kCropMargin_px, 2 * kCropMargin_px);
+  crop &= cv::Rect(0, 0, camera.width, camera.height);
+  const Camera cropped = CroppedTo(camera, crop);
+  RasterizeMesh(cropped, positions_in_camera, topology.triangles, {}, &scratch->raster);
+  scratch->mask = scratch->raster.triangle_id >= 0;
+  ModelBoundary outline = FindModelBoundary(cropped, positions_in_camera, topology, scratch->mask,
+                                            scratch->raster.depth);
+  outline.pixels.colwise() += Eigen::Vector2d(crop.x, crop.y);
+  if (min_spacing_m > 0) Thin(camera, positions_in_camera, min_spacing_m, &outline);
+  return outline;
+}
+
+Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                             const ModelBoundary& outline, const BodyParts& parts,
+                             const ContourIndex& silhouette, const CorrespondenceOptions& options) {
+  Correspondences found;
+  found.num_boundary = static_cast<int>(outline.vertices.size());
+  if (found.num_boundary == 0) return found;
+  Eigen::VectorXd px_per_m(found.num_boundary);
+  for (int i = 0; i < found.num_boundary; ++i) {
+    px_per_m[i] = PxPerMetre(camera, positions_in_camera, outline.vertices[static_cast<size_t>(i)]);
+  }
+  const Eigen::VectorXd weights = options.weigh_by_length
+                                      ? LengthWeights(outline, px_per_m)
+                                      : Eigen::VectorXd::Ones(found.num_boundary);
+  std::vector<int> targets = FindTargets(outline, px_per_m, parts, silhouette, options);
+  DropUnsupported(outline, weights, parts, options, &targets);
+
+  std::vector<int> kept, points;
+  for (int i = 0; i < found.num_boundary; ++i) {
+    if (targets[static_cast<size_t>(i)] < 0) continue;
+    kept.push_back(i);
+    points.push_back(targets[static_cast<size_t>(i)]);
+    found.vertices.push_back(outline.vertices[static_cast<size_t>(i)]);
+  }
+  found.targets = silhouette.contour().points(Eigen::all, points);
+  found.normals = silhouette.contour().normals(Eigen::all, points);
+  found.weights = weights(kept);
+  return found;
+}
+
 Correspondences FindCorrespondences(const Camera& camera,
                                     const Eigen::Matrix3Xf& positions_in_camera,
                                     const SurfaceTopology& topology, const BodyParts& parts,
@@ -160,34 +238,10 @@ Correspondences FindCorrespondences(const Camera& camera,
                                     const CorrespondenceOptions& options,
                                     CorrespondenceScratch* scratch) {
   options.Validate();
-  Correspondences found;
-  if (silhouette.contour().points.cols() == 0) return found;
-  const ModelBoundary boundary = BoundaryInPicture(camera, positions_in_camera, topology, scratch);
-  found.num_boundary = static_cast<int>(boundary.vertices.size());
-  if (found.num_boundary == 0) return found;
-
-  Eigen::VectorXd px_per_m(found.num_boundary);
-  for (int i = 0; i < found.num_boundary; ++i) {
-    px_per_m[i] = std::max(camera.fx, camera.fy) /
-                  positions_in_camera(2, boundary.vertices[static_cast<size_t>(i)]);
-  }
-  const Eigen::VectorXd weights = options.weigh_by_length
-                                      ? LengthWeights(boundary, px_per_m)
-                                      : Eigen::VectorXd::Ones(found.num_boundary);
-  std::vector<int> targets = FindTargets(boundary, px_per_m, parts, silhouette, options);
-  DropUnsupported(boundary, weights, parts, options, &targets);
-
-  std::vector<int> kept, points;
-  for (int i = 0; i < found.num_boundary; ++i) {
-    if (targets[static_cast<size_t>(i)] < 0) continue;
-    kept.push_back(i);
-    points.push_back(targets[static_cast<size_t>(i)]);
-    found.vertices.push_back(boundary.vertices[static_cast<size_t>(i)]);
-  }
-  found.targets = silhouette.contour().points(Eigen::all, points);
-  found.normals = silhouette.contour().normals(Eigen::all, points);
-  found.weights = weights(kept);
-  return found;
+  return MatchOutline(
+      camera, positions_in_camera,
+      FindOutline(camera, positions_in_camera, topology, options.min_spacing_m, scratch), parts,
+      silhouette, options);
 }
 
 }  // namespace mpc

@@ -15,7 +15,7 @@ namespace mpc {
 
 PoseRefinementOptions PoseRefinementOptions::Paper() {
   PoseRefinementOptions options;
-  options.along_ray = 1;
+  options.refresh_outline = true;
   options.robust_m = 0;
   options.correspondences = CorrespondenceOptions::Paper();
   options.relative_tolerance = 1e-6;
@@ -34,7 +34,6 @@ void PoseRefinementOptions::Validate() const {
   check(num_iterations >= 1, "num_iterations", num_iterations, "at least 1");
   check(weight_stab > 0 && std::isfinite(weight_stab), "weight_stab", weight_stab,
         "a positive number");
-  check(along_ray >= 1 && std::isfinite(along_ray), "along_ray", along_ray, "at least 1");
   check(robust_m >= 0 && std::isfinite(robust_m), "robust_m", robust_m, "at least 0");
   check(relative_tolerance > 0, "relative_tolerance", relative_tolerance, "a positive number");
   check(max_steps >= 1, "max_steps", max_steps, "at least 1");
@@ -73,7 +72,7 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
   KinematicState state;
   ForwardKinematics(skeleton, batch_pose, &state);
   const ContourIndex outline = IndexSilhouette(silhouette, camera);
-  const StabilityEnergy stability(skeleton, batch_pose, options_.weight_stab, options_.along_ray);
+  const StabilityEnergy stability(skeleton, batch_pose, options_.weight_stab);
   const double px_per_m = 1920.0 / std::max(camera.width, camera.height) *
                           std::max(camera.fx, camera.fy) / std::abs(batch_pose[2]);
 
@@ -81,11 +80,23 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
   result.pose = batch_pose;
   Eigen::VectorXd pose = batch_pose;
   Eigen::Matrix3Xf vertices;
+  ModelBoundary model;
   for (int i = 0; i < options_.num_iterations; ++i) {
     if (i > 0) ForwardKinematics(skeleton, pose, &state);
     SkinCharacter(*character_, state, &vertices);
-    const Correspondences found = FindCorrespondences(camera, vertices, topology_, parts_, outline,
-                                                      options_.correspondences, scratch);
+    if (i == 0 || options_.refresh_outline) {
+      model =
+          FindOutline(camera, vertices, topology_, options_.correspondences.min_spacing_m, scratch);
+    } else {
+      for (size_t k = 0; k < model.vertices.size(); ++k) {
+        Eigen::Vector2d pixel;
+        if (Project(camera, vertices.col(model.vertices[k]).cast<double>(), &pixel)) {
+          model.pixels.col(static_cast<Eigen::Index>(k)) = pixel;
+        }
+      }
+    }
+    const Correspondences found =
+        MatchOutline(camera, vertices, model, parts_, outline, options_.correspondences);
     if (found.size() == 0) {
       result.state = outline.contour().points.cols() == 0 ? RefinementState::kNoSilhouette
                      : found.num_boundary == 0            ? RefinementState::kNoModel

@@ -7,7 +7,7 @@
 namespace mpc {
 
 StabilityEnergy::StabilityEnergy(const Skeleton& skeleton, const Eigen::VectorXd& batch_pose,
-                                 double weight, double along_ray) {
+                                 double weight) {
   KinematicState state;
   ForwardKinematics(skeleton, batch_pose, &state);
   reference_ = state.joints;
@@ -16,12 +16,7 @@ StabilityEnergy::StabilityEnergy(const Skeleton& skeleton, const Eigen::VectorXd
       joints_.push_back(j);
     }
   }
-  const double scale = 1000 * std::sqrt(weight / static_cast<double>(joints_.size()));
-  for (const int j : joints_) {
-    const Eigen::Vector3d ray = Eigen::Vector3d(reference_.col(j)).normalized();
-    residual_from_metres_.push_back(
-        scale * (Eigen::Matrix3d::Identity() + (std::sqrt(along_ray) - 1) * ray * ray.transpose()));
-  }
+  scale_ = 1000 * std::sqrt(weight / static_cast<double>(joints_.size()));
 }
 
 bool StabilityEnergy::Evaluate(const RefinementPoint& at, int first_row, Eigen::VectorXd* r,
@@ -29,10 +24,9 @@ bool StabilityEnergy::Evaluate(const RefinementPoint& at, int first_row, Eigen::
   for (size_t i = 0; i < joints_.size(); ++i) {
     const int j = joints_[i];
     const int row = first_row + 3 * static_cast<int>(i);
-    const Eigen::Matrix3d& scale = residual_from_metres_[i];
-    r->segment<3>(row) = scale * (at.state.joints.col(j) - reference_.col(j));  // Eq. 12
+    r->segment<3>(row) = scale_ * (at.state.joints.col(j) - reference_.col(j));  // Eq. 12
     if (jacobian == nullptr) continue;
-    jacobian->middleCols<3>(row) = (scale * at.joint_jacobian.middleRows<3>(3 * j)).transpose();
+    jacobian->middleCols<3>(row) = scale_ * at.joint_jacobian.middleRows<3>(3 * j).transpose();
   }
   return true;
 }

@@ -219,6 +219,24 @@ TEST_F(Jacobians, VerticesEqualTheFloatKernel) {
   }
 }
 
+TEST_F(Jacobians, ManyVerticesAtOnceEqualOneByOne) {
+  VertexSkinner skinner(character_);
+  for (int trial = 0; trial < 5; ++trial) {
+    const Eigen::Vector3d direction = Eigen::Vector3d::Random();
+    KinematicState state;
+    ForwardKinematics(character_.skeleton, RandomPose(), &state);
+    skinner.Update(state);
+    VectorXd row = VectorXd::Constant(character_.skeleton.num_dofs(), 7);
+    for (int v = trial; v < character_.mesh.positions.cols(); v += 7) {
+      Eigen::Matrix3Xd jacobian;
+      EXPECT_LT((SkinnedVertex(character_, state, v, &jacobian) - skinner.Position(v)).norm(),
+                1e-12);
+      skinner.Derivative(v, direction, row);
+      EXPECT_LT((jacobian.transpose() * direction - row).norm(), 1e-11) << "vertex " << v;
+    }
+  }
+}
+
 TEST_F(Jacobians, AVertexOutOfRangeIsRefused) {
   EXPECT_MPC_ERROR(SkinnedVertex(character_, character_.bind, -1), kInvalidArgument, "vertex -1");
   const int end = static_cast<int>(character_.mesh.positions.cols());

@@ -29,6 +29,8 @@ struct CorrespondenceOptions {
   // the whole model below the second. In [0, 1], 0: paper.
   double min_part_support = 0.3;
   double min_support = 0.3;
+  // Of vertices closer together than this along the outline one is taken, m; 0: all (paper).
+  double min_spacing_m = 0;
   // Weigh vertices by the length of outline they stand for: fingers and toes have many vertices per
   // pixel. false: all alike, as in the paper.
   bool weigh_by_length = true;
@@ -63,7 +65,18 @@ struct CorrespondenceScratch {
 // (kInvalidArgument) for a contour that is not finite or whose parts differ in number.
 ContourIndex IndexSilhouette(const Contour2d& contour, const Camera& camera);
 
-// Correspondences of a posed or deformed mesh; none when nothing matches. `topology` and `parts` are
+// The outline of a posed or deformed mesh, in pixels of the whole picture; at most one vertex per
+// min_spacing_m. Throws Error (kInvalidArgument) as FindModelBoundary. O(V + T + pixels of the model).
+ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                          const SurfaceTopology& topology, double min_spacing_m,
+                          CorrespondenceScratch* scratch);
+
+// Its correspondences.
+Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                             const ModelBoundary& outline, const BodyParts& parts,
+                             const ContourIndex& silhouette, const CorrespondenceOptions& options);
+
+// Both in one: correspondences of a mesh; none when nothing matches. `topology` and `parts` are
 // those of the mesh. Throws Error (kInvalidArgument) as FindModelBoundary. Thread-safe for different
 // scratch. O(V + T + pixels of the model).
 Correspondences FindCorrespondences(const Camera& camera,

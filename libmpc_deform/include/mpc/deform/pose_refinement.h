@@ -19,13 +19,15 @@ namespace mpc {
 struct PoseRefinementOptions {
   int num_iterations = 3;     // of correspondences and solution, >= 1; paper
   double weight_stab = 0.06;  // w_stab; paper
-  // Differences of joints along the viewing ray count so many times in E_stab, >= 1. Paper: 1.
-  double along_ray = 4;
   // Scale of the robust loss on distances from the silhouette, m at the actor; 0: squares (paper).
   double robust_m = 0.05;
-  CorrespondenceOptions correspondences;
+  // Which vertices are the outline: found once, from the batch pose; true: again in every iteration
+  // (paper).
+  bool refresh_outline = false;
+  // One vertex per 2 cm of outline is enough for a skeleton, and saves half of the time.
+  CorrespondenceOptions correspondences = {.min_spacing_m = 0.02, .weigh_by_length = false};
 
-  double relative_tolerance = 1e-3;  // of a solve
+  double relative_tolerance = 1e-2;  // of a solve: its last step lowers E_ref by less
   int max_steps = 10;                // of a solve, >= 1
 
   // The paper's energies and correspondences, solved to the end.

@@ -1,0 +1,218 @@
+// Smoothing over time: laws of its weights, clip ends, refused frames, fast motion.
+#include "mpc/deform/temporal_smoothing.h"
+
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "deform/posed_actor.h"
+#include "support/expect_error.h"
+
+namespace mpc {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+using testing::Actor;
+
+const SmoothingOptions kMean{};
+
+TEST(SmoothingWeights, AFullWindowIsTheMean) {
+  EXPECT_LT((SmoothingWeights({1, 1, 1, 1, 1}, kMean) - VectorXd::Constant(5, 0.2)).norm(), 1e-12);
+  const VectorXd quadratic = SmoothingWeights({1, 1, 1, 1, 1}, {.degree = 2});  // Savitzky-Golay
+  const VectorXd expected = VectorXd{{-3, 12, 17, 12, -3}} / 35;
+  EXPECT_LT((quadratic - expected).norm(), 1e-12);
+}
+
+// Whatever is missing: values on a straight line stay there, and what is missing is not looked at.
+TEST(SmoothingWeights, ATrendIsKept) {
+  for (int missing = 0; missing < 32; ++missing) {
+    std::vector<bool> usable;
+    for (int i = 0; i < 5; ++i) usable.push_back((missing >> i & 1) == 0);
+    const VectorXd weights = SmoothingWeights(usable, kMean);
+    for (int i = 0; i < 5; ++i) {
+      if (!usable[static_cast<size_t>(i)]) EXPECT_EQ(weights[i], 0);
+    }
+    const bool both_sides = (usable[0] || usable[1]) && (usable[3] || usable[4]);
+    if (usable[2] || both_sides) {
+      EXPECT_NEAR(weights.sum(), 1, 1e-12) << missing;
+      EXPECT_NEAR(weights.dot(VectorXd::LinSpaced(5, -2, 2)), 0, 1e-12) << missing;
+    }
+  }
+}
+
+TEST(SmoothingWeights, ACorrectionFadesWhereRefinementWasRefused) {
+  const auto total = [](const std::vector<bool>& usable) {
+    return SmoothingWeights(usable, kMean).sum();
+  };
+  EXPECT_NEAR(total({1, 1, 0, 0, 0}), 2.0 / 3, 1e-12);
+  EXPECT_NEAR(total({1, 0, 0, 0, 0}), 1.0 / 3, 1e-12);
+  EXPECT_NEAR(total({0, 0, 0, 1, 1}), 2.0 / 3, 1e-12);
+  EXPECT_EQ(total({0, 0, 0, 0, 0}), 0);
+}
+
+TEST(SmoothingWeights, BadInputIsRefused) {
+  EXPECT_MPC_ERROR(SmoothingWeights({1, 1, 1}, kMean), kInvalidArgument, "window of 3");
+  EXPECT_MPC_ERROR(SmoothingWeights({1, 1}, {.window_frames = 2, .degree = 3}), kInvalidArgument,
+                   "window_frames is 2, expected an odd number; degree is 3");
+}
+
+class SmoothPosesTest : public ::testing::Test {
+ protected:
+  // Batch poses off by a constant, refined ones off by noise.
+  SmoothPosesTest() : truth_(testing::MotionInCamera(MotionKind::kTurn, 1.5, 30)) {
+    std::mt19937 rng(4);
+    std::normal_distribution<double> normal;
+    batch_ = truth_;
+    refined_ = truth_;
+    for (Eigen::Index f = 0; f < truth_.cols(); ++f) {
+      const Eigen::Vector3d turn = 0.05 * Eigen::Vector3d(normal(rng), normal(rng), normal(rng));
+      batch_.col(f).segment<3>(3) =
+          LogSO3(ExpSO3({0.1, -0.05, 0.08}) * ExpSO3(truth_.col(f).segment<3>(3)));
+      refined_.col(f).segment<3>(3) = LogSO3(ExpSO3(turn) * ExpSO3(truth_.col(f).segment<3>(3)));
+      for (int n = 0; n < 3; ++n) {
+        batch_(n, f) += 0.05;
+        refined_(n, f) += 0.02 * normal(rng);
+      }
+    }
+    all_.assign(static_cast<size_t>(truth_.cols()), true);
+  }
+  MatrixXd Smooth(const std::vector<bool>& is_refined, const SmoothingOptions& options = {}) {
+    return SmoothPoses(Actor().skeleton, batch_, refined_, is_refined, options);
+  }
+  double ErrorMm(const MatrixXd& poses, int begin, int end) const {
+    double sum = 0;
+    for (int f = begin; f < end; ++f) sum += testing::JointErrorMm(poses.col(f), truth_.col(f));
+    return sum / (end - begin);
+  }
+  int num_frames() const { return static_cast<int>(truth_.cols()); }
+
+  MatrixXd truth_, batch_, refined_;
+  std::vector<bool> all_;
+};
+
+TEST_F(SmoothPosesTest, NoiseOfTheRefinementGoes) {
+  EXPECT_LT(ErrorMm(Smooth(all_), 0, num_frames()), 0.65 * ErrorMm(refined_, 0, num_frames()));
+  EXPECT_LT(ErrorMm(Smooth(all_), 0, 2), 1.05 * ErrorMm(refined_, 0, 2));  // a clip's end
+}
+
+TEST_F(SmoothPosesTest, OneFrameOfWindowAndNoRefinementChangeNothing) {
+  EXPECT_LT((Smooth(all_, {.window_frames = 1}) - refined_).norm(), 1e-9);
+  EXPECT_LT((Smooth(std::vector<bool>(all_.size(), false)) - batch_).norm(), 1e-9);
+}
+
+TEST_F(SmoothPosesTest, WhatWasRefusedIsNotRead) {
+  std::vector<bool> is_refined = all_;
+  is_refined[20] = false;
+  refined_.col(20).setConstant(std::numeric_limits<double>::quiet_NaN());
+  for (const SmoothingOptions& options : {SmoothingOptions(), SmoothingOptions::Paper()}) {
+    EXPECT_TRUE(Smooth(is_refined, options).allFinite());
+  }
+  // Its neighbours' correction holds for it as well.
+  EXPECT_LT(ErrorMm(Smooth(is_refined), 20, 21), 0.5 * ErrorMm(batch_, 20, 21));
+}
+
+// From refined to refused frames the correction changes by no more than a third per frame.
+TEST_F(SmoothPosesTest, ThereIsNoJumpWhereRefinementEnds) {
+  refined_ = truth_;
+  std::vector<bool> is_refined = all_;
+  std::fill(is_refined.begin() + 20, is_refined.end(), false);
+  const MatrixXd smoothed = Smooth(is_refined);
+  const MatrixXd offset = smoothed - truth_;
+  for (int f = 0; f + 1 < num_frames(); ++f) {
+    EXPECT_LE((offset.col(f + 1) - offset.col(f)).head<3>().norm(),
+              0.0501 * std::sqrt(3.0) / 3 + 1e-9);
+  }
+  EXPECT_LT(offset.leftCols(20).topRows(3).norm(), 1e-9);
+  EXPECT_LT((smoothed - batch_).rightCols(num_frames() - 22).norm(), 1e-9);
+}
+
+// A kick-like swing at 30 fps. Smoothing the motion itself, as the paper does, flattens it.
+TEST_F(SmoothPosesTest, FastMotionIsNotFlattened) {
+  for (int f = 0; f < num_frames(); ++f) {
+    const double swing = 0.7 + 0.6 * std::sin(2 * std::numbers::pi * 3 * f / 30.0);
+    for (const char* name : {"left_knee", "right_knee"}) {
+      for (size_t h = 0; h < Actor().skeleton.hinges.size(); ++h) {
+        if (Actor().skeleton.hinges[h].name.find(name) == std::string::npos) continue;
+        truth_(6 + static_cast<int>(h), f) = swing;
+      }
+    }
+  }
+  batch_ = refined_ = truth_;
+  batch_.row(0).array() += 0.03;
+  EXPECT_LT(ErrorMm(Smooth(all_), 0, num_frames()), 1e-6);
+  EXPECT_GT(ErrorMm(Smooth(all_, SmoothingOptions::Paper()), 0, num_frames()), 5);
+}
+
+TEST_F(SmoothPosesTest, StaysWithinTheBounds) {
+  const Skeleton& skeleton = Actor().skeleton;
+  batch_ = batch_.cwiseMax(skeleton.LowerBounds().replicate(1, num_frames()));
+  refined_.bottomRows(27).colwise() = skeleton.LowerBounds().tail(27);
+  for (int f = 0; f < num_frames(); f += 2)
+    batch_.col(f).tail(27) = skeleton.UpperBounds().tail(27);
+  const MatrixXd smoothed = Smooth(all_);
+  for (int f = 0; f < num_frames(); ++f) {
+    EXPECT_TRUE((smoothed.col(f).array() >= skeleton.LowerBounds().array()).all());
+    EXPECT_TRUE((smoothed.col(f).array() <= skeleton.UpperBounds().array()).all());
+  }
+}
+
+TEST_F(SmoothPosesTest, BadInputIsRefused) {
+  EXPECT_MPC_ERROR(Smooth({true}), kMismatch, "1 flags");
+  EXPECT_EQ(SmoothPoses(Actor().skeleton, batch_.leftCols(1), refined_.leftCols(1), {true}, {}),
+            SmoothPoses(Actor().skeleton, batch_.leftCols(1), refined_.leftCols(1), {true}, {}));
+}
+
+// A shirt that stands off by the same amount from a body that turns.
+TEST(SmoothDisplacementsTest, WhatIsFixedToTheBodyStays) {
+  const MatrixXd poses = testing::MotionInCamera(MotionKind::kTurn, 1, 30);
+  const Eigen::Index num_vertices = Actor().mesh.positions.cols();
+  Eigen::Matrix3Xf at_bind(3, num_vertices);
+  std::mt19937 rng(2);
+  std::normal_distribution<float> normal(0, 0.03f);
+  for (float& x : at_bind.reshaped()) x = normal(rng);
+
+  std::vector<Eigen::Matrix3Xf> window;
+  KinematicState state;
+  for (int f = 10; f < 15; ++f) {
+    ForwardKinematics(Actor().skeleton, poses.col(f), &state);
+    Eigen::Matrix3Xf displacement = at_bind;
+    TurnFromBind(Actor(), state, &displacement);
+    EXPECT_GT((displacement - at_bind).norm(), 0.1 * at_bind.norm());
+    EXPECT_NEAR(displacement.norm(), at_bind.norm(), 1e-4 * at_bind.norm());
+    TurnToBind(Actor(), state, &displacement);
+    window.push_back(displacement);
+  }
+  EXPECT_LT((SmoothDisplacements(window, kMean) - at_bind).norm(), 1e-5 * at_bind.norm());
+  window[1].resize(3, 0);
+  EXPECT_LT((SmoothDisplacements(window, kMean) - at_bind).norm(), 1e-5 * at_bind.norm());
+  for (Eigen::Matrix3Xf& frame : window) frame.resize(3, 0);
+  EXPECT_EQ(SmoothDisplacements(window, kMean).cols(), 0);
+}
+
+// The axes are those of skinning: moving a vertex at bind or its displacement comes to the same.
+TEST(SmoothDisplacementsTest, TurnsAsSkinningDoes) {
+  KinematicState state;
+  ForwardKinematics(Actor().skeleton, testing::MidWalk(), &state);
+  Eigen::Matrix3Xf displacement =
+      Eigen::Vector3f(0.01f, 0.02f, -0.03f).replicate(1, Actor().mesh.positions.cols());
+  Character moved = Actor();
+  moved.mesh.positions += displacement;
+  TurnFromBind(Actor(), state, &displacement);
+  Eigen::Matrix3Xf before, after;
+  SkinCharacter(Actor(), state, &before);
+  SkinCharacter(moved, state, &after);
+  EXPECT_LT((after - before - displacement).colwise().norm().maxCoeff(), 1e-5);
+}
+
+TEST(SmoothDisplacementsTest, BadInputIsRefused) {
+  std::vector<Eigen::Matrix3Xf> window(5, Eigen::Matrix3Xf::Zero(3, 4));
+  window[3].resize(3, 5);
+  EXPECT_MPC_ERROR(SmoothDisplacements(window, kMean), kMismatch, "4 and 5");
+  EXPECT_MPC_ERROR(SmoothDisplacements({window.data(), 3}, kMean), kInvalidArgument, "window of 3");
+  Eigen::Matrix3Xf few(3, 2);
+  EXPECT_MPC_ERROR(TurnToBind(Actor(), Actor().bind, &few), kMismatch, "2 displacements");
+}
+
+}  // namespace
+}  // namespace mpc

@@ -31,7 +31,9 @@ TEST(SmoothingWeights, ATrendIsKept) {
     for (int i = 0; i < 5; ++i) usable.push_back((missing >> i & 1) == 0);
     const VectorXd weights = SmoothingWeights(usable, kMean);
     for (int i = 0; i < 5; ++i) {
-      if (!usable[static_cast<size_t>(i)]) EXPECT_EQ(weights[i], 0);
+      if (!usable[static_cast<size_t>(i)]) {
+        EXPECT_EQ(weights[i], 0);
+      }
     }
     const bool both_sides = (usable[0] || usable[1]) && (usable[3] || usable[4]);
     if (usable[2] || both_sides) {

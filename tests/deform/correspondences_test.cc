@@ -24,8 +24,8 @@ class CorrespondencesTest : public ::testing::Test {
                                IndexSilhouette(silhouette, camera_), options, &scratch_);
   }
   ModelBoundary Outline(const VectorXd& pose, double min_spacing_m) {
-    return FindOutline(camera_, testing::Vertices(Actor(), pose), topology_, min_spacing_m,
-                       &scratch_);
+    return FindOutline(camera_, testing::Vertices(Actor(), pose), topology_,
+                       {.min_spacing_m = min_spacing_m}, &scratch_);
   }
   int CountPart(const Correspondences& found, int part) const {
     return static_cast<int>(std::count_if(found.vertices.begin(), found.vertices.end(),

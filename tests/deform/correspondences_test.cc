@@ -206,8 +206,11 @@ TEST_F(CorrespondencesTest, AnotherPersonsSilhouetteDoesNotMatch) {
 }
 
 TEST_F(CorrespondencesTest, WeightsMakeUpForTheDensityOfTheMesh) {
-  const Correspondences found =
-      Find(truth_, silhouette_, {.min_part_support = 0, .min_support = 0});
+  // Everything has a target.
+  CorrespondenceOptions options = CorrespondenceOptions::Paper();
+  options.max_angle_rad = 3.1;
+  options.weigh_by_length = true;
+  const Correspondences found = Find(truth_, silhouette_, options);
   ASSERT_EQ(found.size(), found.num_boundary);
   EXPECT_NEAR(found.weights.mean(), 1, 1e-12);
   EXPECT_GT(found.weights.minCoeff(), 0);
@@ -217,9 +220,9 @@ TEST_F(CorrespondencesTest, WeightsMakeUpForTheDensityOfTheMesh) {
     for (int k = 0; k < c.size(); ++k) sum += parts_.part(c.vertices[k]) == part ? c.weights[k] : 0;
     return sum / c.num_boundary;
   };
-  const Correspondences thinned = Find(
-      truth_, silhouette_,
-      {.min_part_support = 0, .min_support = 0, .min_spacing_m = 0.02, .weigh_by_length = false});
+  options.weigh_by_length = false;
+  options.min_spacing_m = 0.02;
+  const Correspondences thinned = Find(truth_, silhouette_, options);
   for (const int part : {kChestSegment, kLeftShankSegment, kRightThighSegment}) {
     EXPECT_NEAR(share(found, part), share(thinned, part), 0.25 * share(thinned, part)) << part;
   }

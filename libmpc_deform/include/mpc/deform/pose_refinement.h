@@ -29,7 +29,7 @@ struct PoseRefinementOptions {
   CorrespondenceOptions correspondences = {
       .min_spacing_m = 0.02, .weigh_by_length = false, .drop_hidden = false};
 
-  double relative_tolerance = 1e-2;  // of a solve: its last step lowers E_ref by less
+  double relative_tolerance = 3e-3;  // of a solve: its last step lowers E_ref by less
   int max_steps = 10;                // of a solve, >= 1
 
   // The paper's energies and correspondences, solved to the end.

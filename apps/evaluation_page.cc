@@ -22,6 +22,7 @@ h1 { font-size: 1.5em; margin-bottom: 0; } h2 { font-size: 1.15em; margin: 2em 0
 table { border-collapse: collapse; width: 100%; font-size: 14px; }
 th, td { text-align: left; padding: .25em .8em .25em 0; border-bottom: 1px solid #e4e4e4; }
 td.number { text-align: right; font-variant-numeric: tabular-nums; font-weight: 600; }
+td.frames-of { white-space: nowrap; }
 svg { width: 100%; height: auto; display: block; } svg text { font-size: 12px; fill: #444; }
 .grid { stroke: #e4e4e4; } .line { fill: none; stroke-width: 1.8; stroke-linecap: round;
         stroke-linejoin: round; }
@@ -64,7 +65,7 @@ std::string Table(const Evaluation& evaluation) {
   for (const Score& score : Scores(evaluation)) {
     html += fmt::format(
         "<tr><td>{}</td><td class=\"number\">{}</td><td>{}</td><td>{}</td><td>{}</td>"
-        "<td>{} of {}</td></tr>\n",
+        "<td class=\"frames-of\">{} of {}</td></tr>\n",
         score.label, ValueText(score), score.unit, EscapeHtml(score.scored), score.alignment,
         score.num_frames, evaluation.num_frames());
   }

@@ -25,14 +25,14 @@ const cv::Scalar kTrueColour(255, 80, 255);     // magenta
 
 enum class Shown { kOutlines, kSticks };
 
-// Frames with the largest badness, at least a thirtieth of the clip apart.
+// Frames with the largest badness, at least a twelfth of the clip apart.
 std::vector<int> Worst(const Eigen::VectorXd& badness) {
   std::vector<int> order(static_cast<size_t>(badness.size()));
   std::iota(order.begin(), order.end(), 0);
   std::erase_if(order, [&](int f) { return !std::isfinite(badness[f]); });
   std::stable_sort(order.begin(), order.end(),
                    [&](int a, int b) { return badness[a] > badness[b]; });
-  const int distance = std::max(2, static_cast<int>(badness.size()) / 30);
+  const int distance = std::max(3, static_cast<int>(badness.size()) / 12);
   std::vector<int> worst;
   for (const int f : order) {
     if (worst.size() == kPicturesPerMetric) break;

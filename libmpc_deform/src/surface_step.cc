@@ -10,7 +10,7 @@ namespace mpc {
 namespace {
 
 constexpr int kMaxInnerIterations = 40;
-constexpr float kInnerTolerance = 0.1f;  // of the length of the residual
+constexpr float kInnerTolerance = 5e-2f;  // of the length of the residual
 
 // Four floats of which the last is zero, as the compilers know them for any processor: Eigen's
 // cross3 of such vectors is not SIMD everywhere.
@@ -77,7 +77,8 @@ bool SurfaceStep::Linearize(const WarpField& at) {
   AddDepthDrift(at);
   smooth_diagonal_ = diagonal_;
   if (!AddContour(at)) return false;
-  coarse_.Linearize(at);
+  // It only guides the search, so that the first point's will do for all.
+  if (!coarse_.ready()) coarse_.Linearize(at);
   return true;
 }
 
@@ -86,14 +87,14 @@ bool SurfaceStep::Linearize(const WarpField& at) {
 void SurfaceStep::AddArap(const WarpField& at) {
   const double scale = problem_.arap.scale();
   edge_levers_.resize(4, 2 * problem_.arap.num_blocks());
-  Eigen::Vector3d r;
   for (int i = 0; i < problem_.num_nodes; ++i) {
     Block& own = diagonal_[i];
     for (int e = edge_begin_[i]; e < edge_begin_[i + 1]; ++e) {
       const int j = problem_.arap.nodes(e)[1];
       const Eigen::Vector3d y = scale * problem_.arap.Lever(at, e);
       const Eigen::Vector3d y_back = -scale * (at.rotations[j] * problem_.arap.rest(e));
-      problem_.arap.Evaluate(at, e, r.data(), nullptr);
+      const Eigen::Vector3d r =
+          scale * (problem_.arap.rest(e) + at.translations.col(i) - at.translations.col(j)) - y;
       gradient_.col(i).head<3>() += r.cross(y);
       gradient_.col(i).tail<3>() += scale * r;
       gradient_.col(j).tail<3>() -= scale * r;

@@ -30,7 +30,7 @@ struct RigMesh {
   Eigen::Matrix2Xf uv;      // 2xV or empty
   // Base colour as an encoded picture (PNG or JPEG, bytes of the file); empty: none. Needs uv.
   std::vector<unsigned char> texture;
-  int file_mesh = -1;       // the file's own mesh and primitive index
+  int file_mesh = -1;  // the file's own mesh and primitive index
   int file_primitive = -1;
 };
 

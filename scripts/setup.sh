@@ -15,7 +15,9 @@ build_packages=(
 )
 test_packages=(
   ca-certificates ccache libgtest-dev libgmock-dev libbenchmark-dev clang-format-14
-  blender python3-numpy nodejs npm  # numpy: for Blender's glTF importer
+  blender nodejs npm
+  python3-numpy                 # Blender's glTF importer, the metrics once more in Python
+  python3-scipy python3-h5py    # scripts/convert_dataset.py
 )
 gltf_validator=gltf-validator@2.0.0-dev.3.10
 

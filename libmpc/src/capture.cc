@@ -80,12 +80,11 @@ void CheckPictureSize(const Detections2d& detections, const CaptureInputs& input
   }
 }
 
-void CheckFrameCount(const fs::path& detections, size_t num_detections, const fs::path& video,
+void CheckFrameCount(const fs::path& file, size_t num_in_file, const fs::path& other,
                      int num_frames) {
-  if (num_detections == static_cast<size_t>(num_frames)) return;
-  throw Error(ErrorCode::kMismatch,
-              fmt::format("{} has {} frames, but the video {} has {}", detections.string(),
-                          num_detections, video.string(), num_frames));
+  if (num_in_file == static_cast<size_t>(num_frames)) return;
+  throw Error(ErrorCode::kMismatch, fmt::format("{} has {} frames, but {} has {}", file.string(),
+                                                num_in_file, other.string(), num_frames));
 }
 
 // The video's true number of frames: decodes all of them, so that a broken or variable-rate video
@@ -123,6 +122,18 @@ void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings
   add(num_swapped, "had left and right of the detections exchanged");
 }
 
+// Results of a camera that moves unnoticed are right in its own frame only.
+void AddCameraMotionWarning(CaptureReport* report) {
+  const auto num_moving =
+      std::count_if(report->silhouettes.begin(), report->silhouettes.end(),
+                    [](const SilhouetteRecord& record) { return record.camera_motion; });
+  if (num_moving * 10 < report->num_frames) return;
+  report->warnings.push_back(fmt::format(
+      "the camera moves in {} of {} frames and where it is was not given (\"frames\" of the camera "
+      "file): the world is that of a camera at rest, so the person seems to move with it",
+      num_moving, report->num_frames));
+}
+
 }  // namespace
 
 void CaptureOptions::Validate() const {
@@ -136,6 +147,7 @@ void CaptureOptions::Validate() const {
 
 struct Capture::Inputs {
   internal::Actor actor;
+  std::vector<CameraFromWorld> camera_motion;  // empty: the camera stands, or nobody knows
   Detections2d detections2d;
   std::optional<Detections3d> detections3d;
   CaptureReport report;  // with all that is known before the work starts
@@ -153,7 +165,12 @@ Capture::Inputs::Inputs(const CaptureInputs& inputs, const CaptureOptions& optio
   const VideoReader video(inputs.video, inputs.image_fps);
   report.fps = video.fps();
   report.camera = CameraForVideo(inputs, video, &report.warnings);
+  if (!inputs.camera.empty()) camera_motion = ReadCameraMotion(inputs.camera);
   detections2d = ReadDetections2d(inputs.detections2d);
+  if (!camera_motion.empty()) {
+    CheckFrameCount(inputs.camera, camera_motion.size(), inputs.detections2d,
+                    static_cast<int>(detections2d.frames.size()));
+  }
   CheckPictureSize(detections2d, inputs, video);
   if (!inputs.detections3d.empty()) {
     detections3d = ReadDetections3d(inputs.detections3d);
@@ -210,7 +227,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   report.complete = !report.track.cancelled;
   AddTrackWarnings(report.track, &report.warnings);
   timed("world", [&] {
-    report.world = PlaceInWorld(character, report.track.poses, report.camera, num_threads);
+    report.world = PlaceInWorld(character, report.track.poses, report.camera,
+                                loaded_->camera_motion, num_threads);
   });
   for (const std::string& warning : report.world.warnings) report.warnings.push_back(warning);
 
@@ -255,6 +273,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       report.complete = report.silhouettes.size() == static_cast<size_t>(report.num_frames);
       if (report.complete) report.outputs.push_back(internal::kMasksName);
       internal::AddSilhouetteWarnings(report.silhouettes, &report.warnings);
+      if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
     });
   }
   if (options_.overlay && report.complete) {

@@ -28,22 +28,36 @@ constexpr std::array<JointId, 17> kMarkers = {
     JointId::kRightWrist, JointId::kRightHip,  JointId::kRightKnee,     JointId::kRightAnkle,
     JointId::kRightToe};
 
-template <typename To>
-Eigen::MatrixXd PosesIn(const Rigid<To, CameraFrame>& to_from_camera,
-                        const Eigen::MatrixXd& poses) {
-  return TransformPoses(to_from_camera.rotation, to_from_camera.translation, poses);
+// The poses seen from another frame; to_from_camera(f) is the transform in frame f.
+template <typename ToFromCamera>
+Eigen::MatrixXd PosesIn(const ToFromCamera& to_from_camera, const Eigen::MatrixXd& poses) {
+  Eigen::MatrixXd result(poses.rows(), poses.cols());
+  for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    const auto transform = to_from_camera(f);
+    result.col(f) = TransformPoses(transform.rotation, transform.translation, poses.col(f));
+  }
+  return result;
+}
+
+Eigen::MatrixXd PosesInScene(const Performance& performance) {
+  return PosesIn([&](Eigen::Index f) { return performance.world.SceneFromCamera(f); },
+                 performance.poses);
 }
 
 }  // namespace
 
 void WritePerformanceGltf(const std::filesystem::path& path, const std::filesystem::path& actor,
                           const Performance& performance) {
-  const Rigid<SceneFrame, CameraFrame> scene_from_camera = performance.world.scene_from_camera();
-  const Eigen::MatrixXd poses = PosesIn(scene_from_camera, performance.poses);
+  const Eigen::MatrixXd poses = PosesInScene(performance);
   GltfPerformance gltf;
   gltf.camera = performance.camera;
-  gltf.scene_from_camera.linear() = scene_from_camera.rotation;
-  gltf.scene_from_camera.translation() = scene_from_camera.translation;
+  gltf.scene_from_camera.clear();
+  const bool moving = !performance.world.moving_world_from_camera.empty();
+  for (Eigen::Index f = 0; f < (moving ? poses.cols() : 1); ++f) {
+    const Rigid<SceneFrame, CameraFrame> place = performance.world.SceneFromCamera(f);
+    gltf.scene_from_camera.emplace_back(Eigen::Translation3d(place.translation) *
+                                        Eigen::Quaterniond(place.rotation));
+  }
   gltf.scene_from_bone.resize(static_cast<size_t>(poses.cols()));
   KinematicState state;
   for (Eigen::Index f = 0; f < poses.cols(); ++f) {
@@ -56,14 +70,17 @@ void WritePerformanceGltf(const std::filesystem::path& path, const std::filesyst
 }
 
 void WriteMotionBvh(const std::filesystem::path& path, const Performance& performance) {
-  const Eigen::MatrixXd poses = PosesIn(performance.world.scene_from_camera(), performance.poses);
+  const Eigen::MatrixXd poses = PosesInScene(performance);
   WriteBvh(path, BvhFromPoses(performance.character.skeleton, poses, performance.fps));
 }
 
 void WriteJointsTrc(const std::filesystem::path& path, const Performance& performance) {
   const Skeleton& skeleton = performance.character.skeleton;
-  const Eigen::MatrixXd joints =
-      JointTrajectories(skeleton, PosesIn(performance.world.world_from_camera, performance.poses));
+  const Eigen::MatrixXd joints = JointTrajectories(
+      skeleton,
+      PosesIn(
+          [&](Eigen::Index f) -> const auto& { return performance.world.WorldFromCamera(f); },
+          performance.poses));
   MarkerTrajectories markers;
   markers.fps = performance.fps;
   markers.positions.resize(3 * kMarkers.size(), joints.cols());

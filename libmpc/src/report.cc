@@ -45,7 +45,8 @@ Json WorldJson(const WorldPlacement& world) {
           {"scene_from_world", Transform(world.scene_from_world)},
           {"scene_from_camera", Transform(world.scene_from_camera())},
           {"up_in_camera", Vector(world.up_in_camera)},
-          {"num_upright_frames", world.num_upright_frames}};
+          {"num_upright_frames", world.num_upright_frames},
+          {"moving_camera", !world.moving_world_from_camera.empty()}};
 }
 
 Json ProportionsJson(const CaptureReport& report) {
@@ -164,6 +165,9 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   for (size_t f = 0; f < report.track.frames.size(); ++f) {
     Json frame = FrameJson(report.track.frames[f], static_cast<double>(f) / report.fps);
     if (f < report.silhouettes.size()) frame["silhouette"] = SilhouetteJson(report.silhouettes[f]);
+    if (f < report.world.moving_world_from_camera.size()) {
+      frame["world_from_camera"] = Transform(report.world.moving_world_from_camera[f]);
+    }
     frames.push_back(std::move(frame));
   }
   json["frames"] = std::move(frames);

@@ -193,7 +193,7 @@ ContourIndex IndexSilhouette(const Contour2d& contour, const Camera& camera) {
 }
 
 ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
-                          const SurfaceTopology& topology, double min_spacing_m,
+                          const SurfaceTopology& topology, const CorrespondenceOptions& options,
                           CorrespondenceScratch* scratch) {
   cv::Rect crop = ProjectedBounds(camera, positions_in_camera);
   if (crop.empty()) return {};
@@ -201,12 +201,20 @@ ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& position
   crop += cv::Size(2 * kCropMargin_px, 2 * kCropMargin_px);
   crop &= cv::Rect(0, 0, camera.width, camera.height);
   const Camera cropped = CroppedTo(camera, crop);
-  RasterizeMesh(cropped, positions_in_camera, topology.triangles, {}, &scratch->raster);
-  scratch->mask = scratch->raster.triangle_id >= 0;
-  ModelBoundary outline = FindModelBoundary(cropped, positions_in_camera, topology, scratch->mask,
-                                            scratch->raster.depth);
+  cv::Mat depth;
+  if (options.drop_hidden) {
+    RasterizeMesh(cropped, positions_in_camera, topology.triangles, {}, &scratch->raster);
+    scratch->mask = scratch->raster.triangle_id >= 0;
+    depth = scratch->raster.depth;
+  } else {
+    ModelMask(cropped, positions_in_camera, topology, &scratch->mask);
+  }
+  ModelBoundary outline =
+      FindModelBoundary(cropped, positions_in_camera, topology, scratch->mask, depth);
   outline.pixels.colwise() += Eigen::Vector2d(crop.x, crop.y);
-  if (min_spacing_m > 0) Thin(camera, positions_in_camera, min_spacing_m, &outline);
+  if (options.min_spacing_m > 0) {
+    Thin(camera, positions_in_camera, options.min_spacing_m, &outline);
+  }
   return outline;
 }
 
@@ -246,10 +254,9 @@ Correspondences FindCorrespondences(const Camera& camera,
                                     const CorrespondenceOptions& options,
                                     CorrespondenceScratch* scratch) {
   options.Validate();
-  return MatchOutline(
-      camera, positions_in_camera,
-      FindOutline(camera, positions_in_camera, topology, options.min_spacing_m, scratch), parts,
-      silhouette, options);
+  return MatchOutline(camera, positions_in_camera,
+                      FindOutline(camera, positions_in_camera, topology, options, scratch), parts,
+                      silhouette, options);
 }
 
 }  // namespace mpc

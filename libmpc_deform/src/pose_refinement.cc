@@ -12,6 +12,19 @@
 #include "mpc/skeleton/skinning.h"
 
 namespace mpc {
+namespace {
+
+// Moves the outline's pixels to where its vertices are now.
+void Reproject(const Camera& camera, const Eigen::Matrix3Xf& vertices, ModelBoundary* outline) {
+  for (size_t i = 0; i < outline->vertices.size(); ++i) {
+    Eigen::Vector2d pixel;
+    if (Project(camera, vertices.col(outline->vertices[i]).cast<double>(), &pixel)) {
+      outline->pixels.col(static_cast<Eigen::Index>(i)) = pixel;
+    }
+  }
+}
+
+}  // namespace
 
 PoseRefinementOptions PoseRefinementOptions::Paper() {
   PoseRefinementOptions options;
@@ -85,15 +98,9 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
     if (i > 0) ForwardKinematics(skeleton, pose, &state);
     SkinCharacter(*character_, state, &vertices);
     if (i == 0 || options_.refresh_outline) {
-      model =
-          FindOutline(camera, vertices, topology_, options_.correspondences.min_spacing_m, scratch);
+      model = FindOutline(camera, vertices, topology_, options_.correspondences, scratch);
     } else {
-      for (size_t k = 0; k < model.vertices.size(); ++k) {
-        Eigen::Vector2d pixel;
-        if (Project(camera, vertices.col(model.vertices[k]).cast<double>(), &pixel)) {
-          model.pixels.col(static_cast<Eigen::Index>(k)) = pixel;
-        }
-      }
+      Reproject(camera, vertices, &model);
     }
     const Correspondences found =
         MatchOutline(camera, vertices, model, parts_, outline, options_.correspondences);

@@ -5,10 +5,54 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
 
 #include "mpc/core/rigid.h"
 
 namespace mpc {
+namespace {
+
+// Minimises the damped quadratic model over steps that stay within [least, most]: dofs that would
+// leave are held at their bound, and the others solved again around them.
+void SolveWithinBounds(const Eigen::MatrixXd& damped, const Eigen::VectorXd& gradient,
+                       const Eigen::VectorXd& least, const Eigen::VectorXd& most,
+                       Eigen::VectorXd* step) {
+  const Eigen::Index num_dofs = gradient.size();
+  std::vector<bool> held(static_cast<size_t>(num_dofs), false);
+  step->setZero(num_dofs);
+  const auto hold = [&](Eigen::Index n, double value) {
+    held[static_cast<size_t>(n)] = true;
+    (*step)[n] = value;
+  };
+  for (Eigen::Index n = 0; n < num_dofs; ++n) {
+    if ((least[n] >= 0 && gradient[n] > 0) || (most[n] <= 0 && gradient[n] < 0)) hold(n, 0);
+  }
+  for (bool again = true; again;) {
+    again = false;
+    Eigen::MatrixXd matrix = damped;
+    Eigen::VectorXd right = -gradient;
+    for (Eigen::Index n = 0; n < num_dofs; ++n) {
+      if (!held[static_cast<size_t>(n)]) continue;
+      right -= (*step)[n] * damped.col(n);
+      matrix.row(n).setZero();
+      matrix.col(n).setZero();
+      matrix(n, n) = 1;
+    }
+    for (Eigen::Index n = 0; n < num_dofs; ++n) {
+      if (held[static_cast<size_t>(n)]) right[n] = (*step)[n];
+    }
+    *step = matrix.llt().solve(right);
+    for (Eigen::Index n = 0; n < num_dofs; ++n) {
+      if (held[static_cast<size_t>(n)] || ((*step)[n] >= least[n] && (*step)[n] <= most[n])) {
+        continue;
+      }
+      hold(n, (*step)[n] < least[n] ? least[n] : most[n]);
+      again = std::isfinite((*step)[n]);
+    }
+  }
+}
+
+}  // namespace
 
 double RefinementProblem::Evaluate(RefinementPoint* at, Eigen::VectorXd* r,
                                    Eigen::MatrixXd* jacobian) const {
@@ -45,26 +89,15 @@ RefinementSolve SolveRefinement(const RefinementProblem& problem, double relativ
     if (!linearised) {
       hessian.setZero();
       hessian.selfadjointView<Eigen::Lower>().rankUpdate(jacobian);
+      hessian.triangularView<Eigen::StrictlyUpper>() = hessian.transpose();
       gradient.noalias() = jacobian * r;
       linearised = true;
     }
-    damped = hessian;
-    step = -gradient;
     // What nothing observes stays where it is.
     const double floor = 1e-9 * hessian.diagonal().maxCoeff() + 1e-300;
-    for (int n = 0; n < num_dofs; ++n) {
-      const bool pinned = (current.pose[n] <= lower[n] && gradient[n] > 0) ||
-                          (current.pose[n] >= upper[n] && gradient[n] < 0);
-      if (pinned) {
-        damped.row(n).setZero();
-        damped.col(n).setZero();
-        damped(n, n) = 1;
-        step[n] = 0;
-      } else {
-        damped(n, n) += damping * (hessian(n, n) + floor) + floor;
-      }
-    }
-    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(damped).solveInPlace(step);
+    damped = hessian;
+    damped.diagonal().array() += damping * (hessian.diagonal().array() + floor) + floor;
+    SolveWithinBounds(damped, gradient, lower - current.pose, upper - current.pose, &step);
     ++solve.steps;
     double trial_cost = std::numeric_limits<double>::infinity();
     if (step.allFinite()) {

@@ -68,7 +68,7 @@ void Turn(const Character& character, const KinematicState& state, bool inverse,
 
 SmoothingOptions SmoothingOptions::Paper() {
   SmoothingOptions options;
-  options.correction_only = false;
+  options.degree = 1;
   return options;
 }
 
@@ -126,26 +126,45 @@ Eigen::MatrixXd SmoothPoses(const Skeleton& skeleton, const Eigen::MatrixXd& bat
   options.Validate();
   const Eigen::VectorXd lower = skeleton.LowerBounds(), upper = skeleton.UpperBounds();
   const int reach = options.window_frames / 2;
-  const auto pose = [&](Eigen::Index f) -> Eigen::VectorXd {
-    return is_refined[static_cast<size_t>(f)] ? refined.col(f) : batch.col(f);
-  };
-  Eigen::MatrixXd smoothed(batch.rows(), num_frames);
-  for (Eigen::Index f = 0; f < num_frames; ++f) {
+  const auto is_inside = [&](Eigen::Index f) { return f >= 0 && f < num_frames; };
+  // Weights of the window around a frame, over those of its frames for which known(g) holds.
+  const auto window = [&](Eigen::Index f, const auto& known) {
     std::vector<bool> usable;
-    for (Eigen::Index g = f - reach; g <= f + reach; ++g) {
-      const bool inside = g >= 0 && g < num_frames;
-      usable.push_back(inside && (is_refined[static_cast<size_t>(g)] || !options.correction_only));
+    for (Eigen::Index g = f - reach; g <= f + reach; ++g) usable.push_back(known(g));
+    return SmoothingWeights(usable, options);
+  };
+  const auto was_refined = [&](Eigen::Index f) {
+    return is_inside(f) && is_refined[static_cast<size_t>(f)];
+  };
+
+  // Where refinement was refused its neighbours' correction is the best guess.
+  Eigen::MatrixXd filled = batch;
+  std::vector<bool> keeps_batch(static_cast<size_t>(num_frames), false);
+  for (Eigen::Index f = 0; f < num_frames; ++f) {
+    const Eigen::VectorXd weights = window(f, was_refined);
+    keeps_batch[static_cast<size_t>(f)] = weights.isZero(0);
+    if (was_refined(f)) {
+      filled.col(f) = refined.col(f);
+      continue;
     }
-    const Eigen::VectorXd weights = SmoothingWeights(usable, options);
-    Eigen::VectorXd difference = Eigen::VectorXd::Zero(batch.rows());
-    for (int i = 0; i < options.window_frames; ++i) {
-      if (!usable[static_cast<size_t>(i)]) continue;
+    Eigen::VectorXd correction = Eigen::VectorXd::Zero(batch.rows());
+    for (Eigen::Index i = 0; i < options.window_frames; ++i) {
       const Eigen::Index g = f - reach + i;
-      const Eigen::VectorXd base = options.correction_only ? batch.col(g) : pose(f);
-      difference += weights[i] * Difference(pose(g), base);
+      if (was_refined(g)) correction += weights[i] * Difference(refined.col(g), batch.col(g));
     }
-    const Eigen::VectorXd base = options.correction_only ? batch.col(f) : pose(f);
-    smoothed.col(f) = Plus(base, difference).cwiseMax(lower).cwiseMin(upper);
+    filled.col(f) = Plus(batch.col(f), correction);
+  }
+
+  Eigen::MatrixXd smoothed = batch;
+  for (Eigen::Index f = 0; f < num_frames; ++f) {
+    if (keeps_batch[static_cast<size_t>(f)]) continue;
+    const Eigen::VectorXd weights = window(f, is_inside);
+    Eigen::VectorXd difference = Eigen::VectorXd::Zero(batch.rows());
+    for (Eigen::Index i = 0; i < options.window_frames; ++i) {
+      const Eigen::Index g = f - reach + i;
+      if (is_inside(g)) difference += weights[i] * Difference(filled.col(g), filled.col(f));
+    }
+    smoothed.col(f) = Plus(filled.col(f), difference).cwiseMax(lower).cwiseMin(upper);
   }
   return smoothed;
 }

@@ -6,18 +6,21 @@
 namespace mpc {
 namespace {
 
-// A regular grid of samples, x fastest.
+// A rectilinear grid of samples, x fastest.
 struct Grid {
   Eigen::Vector3i size;
-  Eigen::Vector3d origin;
-  double cell;
+  const std::array<std::vector<double>, 3>& planes;
   std::vector<double> values;
 
   int Index(const Eigen::Vector3i& i) const {
     return i.x() + size.x() * (i.y() + size.y() * i.z());
   }
   Eigen::Vector3d Position(const Eigen::Vector3i& i) const {
-    return origin + cell * i.cast<double>();
+    return {planes[0][i.x()], planes[1][i.y()], planes[2][i.z()]};
+  }
+  // The shortest side of cell i.
+  double CellSize(const Eigen::Vector3i& i) const {
+    return (Position(i + Eigen::Vector3i::Ones()) - Position(i)).minCoeff();
   }
   bool Inside(const Eigen::Vector3i& i) const { return values[Index(i)] < 0; }
 };
@@ -45,7 +48,7 @@ void CloseDiagonalFaces(Grid* grid) {
                 grid->Inside(d) == inside) {
               continue;
             }
-            grid->values[grid->Index(inside ? b : a)] = -0.1 * grid->cell;
+            grid->values[grid->Index(inside ? b : a)] = -0.1 * grid->CellSize(a);
             changed = true;
           }
         }
@@ -98,12 +101,9 @@ Eigen::Vector3d OntoSurface(const std::function<double(const Eigen::Vector3d&)>&
 }  // namespace
 
 TriangleMesh ExtractSurface(const std::function<double(const Eigen::Vector3d&)>& distance,
-                            const Eigen::Vector3d& box_min, const Eigen::Vector3d& box_max,
-                            double cell) {
-  Grid grid;
-  grid.cell = cell;
-  grid.origin = box_min;
-  grid.size = ((box_max - box_min) / cell).array().ceil().cast<int>() + 2;
+                            const std::array<std::vector<double>, 3>& planes) {
+  Grid grid{{0, 0, 0}, planes, {}};
+  for (int axis = 0; axis < 3; ++axis) grid.size[axis] = static_cast<int>(planes[axis].size());
   grid.values.resize(static_cast<size_t>(grid.size.prod()));
   const auto for_each = [](const Eigen::Vector3i& begin, const Eigen::Vector3i& end, auto&& visit) {
     for (int z = begin.z(); z < end.z(); ++z) {
@@ -126,7 +126,7 @@ TriangleMesh ExtractSurface(const std::function<double(const Eigen::Vector3d&)>&
     Eigen::Vector3d vertex;
     if (!CellVertex(grid, i, &vertex)) return;
     vertex_of_cell[grid.Index(i)] = static_cast<int>(vertices.size());
-    vertices.push_back(OntoSurface(distance, vertex, cell));
+    vertices.push_back(OntoSurface(distance, vertex, grid.CellSize(i)));
   });
 
   std::vector<Eigen::Vector3i> triangles;

@@ -4,16 +4,18 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <functional>
+#include <vector>
 
 #include "mpc/core/triangle_mesh.h"
 
 namespace mpc {
 
-// distance(x) is negative inside and grows about like a distance. The box must contain the surface
-// with a cell to spare. Triangles are counter-clockwise seen from outside (the positive side).
+// distance(x) is negative inside and grows about like a distance. `planes` are the increasing x, y
+// and z coordinates of the grid's planes; the surface must lie inside with a cell to spare.
+// Triangles are counter-clockwise seen from outside (the positive side).
 TriangleMesh ExtractSurface(const std::function<double(const Eigen::Vector3d&)>& distance,
-                            const Eigen::Vector3d& box_min, const Eigen::Vector3d& box_max,
-                            double cell);
+                            const std::array<std::vector<double>, 3>& planes);
 
 }  // namespace mpc

@@ -87,6 +87,7 @@ class ErrorSum {
         joint_count_(Eigen::VectorXi::Zero(num_joints)) {
     result_.alignment = std::move(alignment);
     result_.per_frame_mm = Eigen::VectorXd::Constant(num_frames, kNan);
+    result_.each_mm = Eigen::MatrixXd::Constant(num_joints, num_frames, kNan);
   }
 
   void Add(Eigen::Index frame, const std::vector<Eigen::Index>& joints,
@@ -97,6 +98,7 @@ class ErrorSum {
     result_.num_frames += 1;
     result_.num_observations += static_cast<int>(joints.size());
     for (size_t i = 0; i < joints.size(); ++i) {
+      result_.each_mm(joints[i], frame) = distance[static_cast<Eigen::Index>(i)];
       joint_sum_[joints[i]] += distance[static_cast<Eigen::Index>(i)];
       joint_count_[joints[i]] += 1;
     }
@@ -131,6 +133,7 @@ JointErrors CompareJoints(std::span<const JointId> joints, const Eigen::MatrixXd
   ErrorSum root("root translation", num_joints, num_frames);
   ErrorSum scale("root translation and scale", num_joints, num_frames);
   ErrorSum similarity("similarity", num_joints, num_frames);
+  ErrorSum place("none", 1, num_frames);
 
   for (Eigen::Index f = 0; f < num_frames; ++f) {
     const FramePair pair = PresentJoints(estimate, truth, f);
@@ -140,6 +143,7 @@ JointErrors CompareJoints(std::span<const JointId> joints, const Eigen::MatrixXd
     const Eigen::Vector3d estimate_root = Root(joints, pair, pair.estimate);
     const Eigen::Vector3d truth_root = Root(joints, pair, pair.truth);
     if (estimate_root.allFinite()) {
+      place.Add(f, {0}, estimate_root, truth_root);
       const Eigen::Matrix3Xd e = pair.estimate.colwise() - estimate_root;
       const Eigen::Matrix3Xd t = pair.truth.colwise() - truth_root;
       root.Add(f, pair.joints, e, t);
@@ -162,6 +166,7 @@ JointErrors CompareJoints(std::span<const JointId> joints, const Eigen::MatrixXd
   errors.root = root.Finish();
   errors.scale = scale.Finish();
   errors.similarity = similarity.Finish();
+  errors.place = place.Finish();
   return errors;
 }
 
@@ -176,6 +181,9 @@ std::string FormatJointErrors(const JointErrors& errors) {
   add("MPJPE", errors.root);
   add("N-MPJPE", errors.scale);
   add("PA-MPJPE", errors.similarity);
+  text += fmt::format("{:<9} {:7.1f} mm  the root alone, aligned: {}, {} of {} frames\n", "root",
+                      errors.place.mean_mm, errors.place.alignment, errors.place.num_frames,
+                      errors.num_frames);
   return text;
 }
 

@@ -21,20 +21,20 @@ using enum JointId;
 
 struct Alias {
   JointId joint;                          // the left one of a pair
-  std::array<std::string_view, 6> names;  // best first; L stands for the side's spelling
+  std::array<std::string_view, 7> names;  // best first; L stands for the side's spelling
 };
 
 // Lower case without separators. Order matters: Mixamo's "LeftShoulder" is a clavicle, so "LArm"
 // is asked for first. {L} is replaced by "left"/"right" and by "l"/"r".
 constexpr std::array<Alias, 8> kAliases = {{
-    {kNeck, {"lowerneck", "neck", "neck1", "neck01", "", ""}},
-    {kHeadTop, {"head", "headtop", "", "", "", ""}},
-    {kLeftShoulder, {"{L}humerus", "{L}arm", "{L}upperarm", "{L}uparm", "{L}shoulder", ""}},
-    {kLeftElbow, {"{L}radius", "{L}forearm", "{L}lowerarm", "{L}elbow", "", ""}},
-    {kLeftWrist, {"{L}wrist", "{L}hand", "", "", "", ""}},
-    {kLeftHip, {"{L}femur", "{L}upleg", "{L}upperleg", "{L}thigh", "{L}hip", ""}},
-    {kLeftKnee, {"{L}tibia", "{L}leg", "{L}lowerleg", "{L}shin", "{L}calf", "{L}knee"}},
-    {kLeftAnkle, {"{L}foot", "{L}ankle", "", "", "", ""}},
+    {kNeck, {"lowerneck", "neck", "neck1", "neck01"}},
+    {kHeadTop, {"head", "headtop"}},
+    {kLeftShoulder, {"{L}humerus", "{L}arm", "{L}upperarm", "{L}uparm", "{L}shoulder"}},
+    {kLeftElbow, {"{L}radius", "{L}forearm", "{L}lowerarm", "{L}elbow"}},
+    {kLeftWrist, {"{L}wrist", "{L}hand", "{L}forearmend"}},
+    {kLeftHip, {"{L}femur", "{L}upleg", "{L}upperleg", "{L}thigh", "{L}hip"}},
+    {kLeftKnee, {"{L}tibia", "{L}leg", "{L}lowerleg", "{L}shin", "{L}calf", "{L}knee", "{L}shank"}},
+    {kLeftAnkle, {"{L}foot", "{L}ankle"}},
 }};
 
 std::string Normalised(std::string_view name) {

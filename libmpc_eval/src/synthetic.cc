@@ -130,6 +130,14 @@ DetectionNoise DetectionNoise::Measured() {
   return noise;
 }
 
+DetectionNoise DetectionNoise::MeasuredWithFailures() {
+  DetectionNoise noise = Measured();
+  noise.outlier_fraction = 0.01;
+  noise.dropped_fraction = 0.03;
+  noise.swapped_fraction = 0.02;
+  return noise;
+}
+
 void DetectionNoise::Validate() const {
   std::string faults;
   const auto check = [&](const char* name, double value, double maximum) {

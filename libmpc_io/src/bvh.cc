@@ -154,6 +154,33 @@ Eigen::Matrix3Xd BvhJointPositions(const BvhMotion& motion, int frame) {
   return positions;
 }
 
+BvhJointPaths JointPathsOf(const BvhMotion& motion, int begin, int end) {
+  BvhJointPaths paths;
+  for (const BvhJoint& joint : motion.joints) {
+    paths.names.push_back(joint.name);
+    paths.parents.push_back(joint.parent);
+  }
+  const size_t num_joints = motion.joints.size();
+  for (size_t j = 0; j < num_joints; ++j) {
+    if (!motion.joints[j].end_site) continue;
+    paths.names.push_back(motion.joints[j].name + "_end");
+    paths.parents.push_back(static_cast<int>(j));
+  }
+  for (int f = begin; f < end; ++f) {
+    const std::vector<Eigen::Isometry3d> world_from_joint = BvhJointTransforms(motion, f);
+    Eigen::Matrix3Xd positions(3, static_cast<Eigen::Index>(paths.names.size()));
+    auto site = static_cast<Eigen::Index>(num_joints);
+    for (size_t j = 0; j < num_joints; ++j) {
+      positions.col(static_cast<Eigen::Index>(j)) = world_from_joint[j].translation();
+      if (motion.joints[j].end_site) {
+        positions.col(site++) = world_from_joint[j] * *motion.joints[j].end_site;
+      }
+    }
+    paths.positions.push_back(positions);
+  }
+  return paths;
+}
+
 void WriteBvh(const std::filesystem::path& path, const BvhMotion& motion) {
   motion.Validate();
   std::string text = "HIERARCHY\n";

@@ -15,6 +15,9 @@
 
 namespace mpc::internal {
 
+// Whether bytes begin as a PNG or JPEG file does.
+bool IsEncodedImage(const std::vector<unsigned char>& bytes);
+
 struct GltfDocument {
   std::string source;           // file name, for messages
   nlohmann::ordered_json json;  // the file's own JSON, to be written again as it is
@@ -28,6 +31,11 @@ struct GltfDocument {
   // An accessor's content, components x count, normalised integers as fractions. Throws Error
   // (kBadFile) when it does not lie within its buffer or has another number of components.
   Eigen::MatrixXd ReadAccessor(int accessor, int num_components, const std::string& what) const;
+
+  // The encoded base colour texture of a material: a PNG or JPEG, from a buffer view, a data URI or
+  // a file beside. Empty when it has none, or, with a warning, when it is no such picture or is to
+  // be used with other texture coordinates than TEXCOORD_0.
+  std::vector<unsigned char> ReadBaseColour(int material) const;
 
   [[noreturn]] void Fail(const std::string& fault) const;
 };

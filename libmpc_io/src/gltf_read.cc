@@ -228,6 +228,7 @@ class RigBuilder {
           document_.Fail(fmt::format("{} has {} positions and {} texture coordinates", what,
                                      x_in_mesh.cols(), out.uv.cols()));
         }
+        out.texture = document_.ReadBaseColour(primitive.material);
       }
       out_.rig.meshes.push_back(std::move(out));
       out_.mesh_skin.push_back(skin_index);

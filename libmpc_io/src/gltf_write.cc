@@ -52,7 +52,13 @@ void CheckPerformance(const RigAsset& rig, const GltfPerformance& performance) {
     }
   }
   if (performance.camera) performance.camera->Validate();
-  if (!performance.scene_from_camera.matrix().allFinite()) fail("the camera's place is not finite");
+  const size_t num_places = performance.scene_from_camera.size();
+  if (performance.camera && num_places != 1 && num_places != times.size()) {
+    fail(fmt::format("{} places of the camera for {} frames", num_places, times.size()));
+  }
+  for (const Eigen::Isometry3d& place : performance.scene_from_camera) {
+    if (!place.matrix().allFinite()) fail("the camera's place is not finite");
+  }
 }
 
 void CheckSameSource(const GltfDocument& document, const RigAsset& original, const RigAsset& rig) {
@@ -438,11 +444,10 @@ void AnimateBone(int node, bool is_root, const Trs& rest,
   }
 }
 
-void WriteAnimation(const GltfDocument& document, const RigAsset& rig, const std::vector<Trs>& rest,
-                    const GltfPerformance& performance, Json* json, BinaryChunk* chunk) {
+void AnimateBones(const GltfDocument& document, const RigAsset& rig, const std::vector<Trs>& rest,
+                  const GltfPerformance& performance, AnimationWriter* animation) {
   const size_t num_frames = performance.times_s.size();
   const std::vector<int> bone_of_node = BoneOfNode(document, rig);
-  AnimationWriter animation(chunk, performance.times_s);
   const std::vector<Eigen::Affine3d> scene(num_frames, Eigen::Affine3d::Identity());
   std::vector<std::vector<Eigen::Affine3d>> world(document.parent.size());  // per node and frame
   for (const int n : NodesInOrder(document)) {
@@ -457,9 +462,8 @@ void WriteAnimation(const GltfDocument& document, const RigAsset& rig, const std
     }
     std::vector<const Eigen::Affine3d*> target;
     for (const auto& frame : performance.scene_from_bone) target.push_back(&frame[bone]);
-    AnimateBone(n, rig.bones[bone].parent < 0, rest[bone], parent, target, &animation, &world[n]);
+    AnimateBone(n, rig.bones[bone].parent < 0, rest[bone], parent, target, animation, &world[n]);
   }
-  (*json)["animations"] = Json::array({animation.Finish()});
 }
 
 // ---- Other proportions ---------------------------------------------------------------------
@@ -557,8 +561,16 @@ Json* DefaultScene(const GltfDocument& document, Json* json) {
   return &(*json)["scenes"][0];
 }
 
-void WriteCamera(const GltfDocument& document, const Camera& camera,
-                 const Eigen::Isometry3d& scene_from_camera, Json* json) {
+// glTF cameras look along -z with y up.
+Eigen::Quaterniond GltfCameraRotation(const Eigen::Isometry3d& scene_from_camera) {
+  const Eigen::Matrix3d rotation =
+      scene_from_camera.linear() * Eigen::Vector3d(1, -1, -1).asDiagonal();
+  return Eigen::Quaterniond(rotation).normalized();
+}
+
+// Returns the camera's node.
+int WriteCamera(const GltfDocument& document, const Camera& camera,
+                const Eigen::Isometry3d& scene_from_camera, Json* json) {
   constexpr double kNear = 0.01;  // m
   const std::string name = camera.name.empty() ? "camera" : camera.name;
   (*json)["cameras"].push_back(
@@ -568,25 +580,40 @@ void WriteCamera(const GltfDocument& document, const Camera& camera,
         {{"yfov", 2 * std::atan(camera.height / (2 * camera.fy))},
          {"aspectRatio", camera.width * camera.fy / (camera.height * camera.fx)},
          {"znear", kNear}}}});
-  // glTF cameras look along -z with y up.
-  const Eigen::Matrix3d rotation =
-      scene_from_camera.linear() * Eigen::Vector3d(1, -1, -1).asDiagonal();
   const Eigen::Vector3d translation = scene_from_camera.translation();
-  (*json)["nodes"].push_back(
-      {{"name", name},
-       {"camera", (*json)["cameras"].size() - 1},
-       {"translation", ToJson(translation)},
-       {"rotation", ToJson(Eigen::Quaterniond(rotation).normalized().coeffs())},
-       {"extras",
-        {{"mpc_camera",
-          {{"width", camera.width},
-           {"height", camera.height},
-           {"fx", camera.fx},
-           {"fy", camera.fy},
-           {"cx", camera.cx},
-           {"cy", camera.cy},
-           {"dist", camera.distortion}}}}}});
-  (*DefaultScene(document, json))["nodes"].push_back((*json)["nodes"].size() - 1);
+  (*json)["nodes"].push_back({{"name", name},
+                              {"camera", (*json)["cameras"].size() - 1},
+                              {"translation", ToJson(translation)},
+                              {"rotation", ToJson(GltfCameraRotation(scene_from_camera).coeffs())},
+                              {"extras",
+                               {{"mpc_camera",
+                                 {{"width", camera.width},
+                                  {"height", camera.height},
+                                  {"fx", camera.fx},
+                                  {"fy", camera.fy},
+                                  {"cx", camera.cx},
+                                  {"cy", camera.cy},
+                                  {"dist", camera.distortion}}}}}});
+  const int node = static_cast<int>((*json)["nodes"].size()) - 1;
+  (*DefaultScene(document, json))["nodes"].push_back(node);
+  return node;
+}
+
+void AnimateCamera(int node, const std::vector<Eigen::Isometry3d>& scene_from_camera,
+                   AnimationWriter* animation) {
+  const auto num_frames = static_cast<Eigen::Index>(scene_from_camera.size());
+  Eigen::MatrixXf rotations(4, num_frames);
+  Eigen::MatrixXf translations(3, num_frames);
+  Eigen::Quaterniond previous = GltfCameraRotation(scene_from_camera.front());
+  for (Eigen::Index f = 0; f < num_frames; ++f) {
+    Eigen::Quaterniond rotation = GltfCameraRotation(scene_from_camera[f]);
+    if (rotation.dot(previous) < 0) rotation.coeffs() *= -1;
+    previous = rotation;
+    rotations.col(f) = rotation.coeffs().cast<float>();
+    translations.col(f) = scene_from_camera[f].translation().cast<float>();
+  }
+  animation->AddChannel(node, "rotation", rotations);
+  animation->AddChannel(node, "translation", translations);
 }
 
 std::string Glb(const Json& json, std::string binary) {
@@ -626,10 +653,14 @@ void WriteGltfPerformance(const std::filesystem::path& path, const std::filesyst
     GatherData(document, &json, &chunk);
     if (other_proportions) RewriteProportions(document, original, rig, &json, &chunk);
     const std::vector<Trs> rest = WriteRestPose(document, rig, other_proportions, &json);
-    WriteAnimation(document, rig, rest, performance, &json, &chunk);
+    AnimationWriter animation(&chunk, performance.times_s);
+    AnimateBones(document, rig, rest, performance, &animation);
     if (performance.camera) {
-      WriteCamera(document, *performance.camera, performance.scene_from_camera, &json);
+      const std::vector<Eigen::Isometry3d>& places = performance.scene_from_camera;
+      const int node = WriteCamera(document, *performance.camera, places.front(), &json);
+      if (places.size() > 1) AnimateCamera(node, places, &animation);
     }
+    json["animations"] = Json::array({animation.Finish()});
     json["buffers"] = Json::array({{{"byteLength", chunk.bytes().size()}}});
     glb = Glb(json, chunk.bytes());
   } catch (const Json::exception& e) {

@@ -9,6 +9,9 @@
 #include "mpc/io/atomic_file.h"
 
 namespace mpc {
+
+using internal::IsEncodedImage;
+
 namespace {
 
 // A glTF model whose data lies in one buffer.
@@ -46,6 +49,27 @@ class ModelBuilder {
     accessor.type = type;
     model_.accessors.push_back(accessor);
     return static_cast<int>(model_.accessors.size()) - 1;
+  }
+
+  // A picture, as encoded; returns the texture's index.
+  int AddTexture(const std::vector<unsigned char>& encoded) {
+    std::vector<unsigned char>& bytes = model_.buffers[0].data;
+    bytes.resize((bytes.size() + 3) / 4 * 4);
+    tinygltf::BufferView view;
+    view.buffer = 0;
+    view.byteOffset = bytes.size();
+    view.byteLength = encoded.size();
+    bytes.insert(bytes.end(), encoded.begin(), encoded.end());
+    model_.bufferViews.push_back(view);
+
+    tinygltf::Image image;
+    image.bufferView = static_cast<int>(model_.bufferViews.size()) - 1;
+    image.mimeType = encoded[0] == 0x89 ? "image/png" : "image/jpeg";
+    model_.images.push_back(image);
+    tinygltf::Texture texture;
+    texture.source = static_cast<int>(model_.images.size()) - 1;
+    model_.textures.push_back(texture);
+    return static_cast<int>(model_.textures.size()) - 1;
   }
 
   int AddFloats(const Eigen::MatrixXf& values, int type) {
@@ -112,11 +136,35 @@ void AddInfluences(const RigMesh& mesh, tinygltf::Primitive* primitive, ModelBui
   }
 }
 
+// Plain, or with the mesh's texture. Cloth is seen from both sides.
+int AddMaterial(const RigMesh& rig_mesh, ModelBuilder* builder) {
+  tinygltf::Material material;
+  material.name = rig_mesh.name;
+  material.doubleSided = true;
+  material.pbrMetallicRoughness.metallicFactor = 0;
+  if (rig_mesh.texture.empty()) {
+    material.pbrMetallicRoughness.baseColorFactor = {0.6, 0.62, 0.65, 1};
+  } else {
+    material.pbrMetallicRoughness.baseColorTexture.index = builder->AddTexture(rig_mesh.texture);
+  }
+  builder->model().materials.push_back(std::move(material));
+  return static_cast<int>(builder->model().materials.size()) - 1;
+}
+
+void CheckTexture(const RigMesh& mesh) {
+  if (mesh.texture.empty()) return;
+  if (mesh.uv.cols() == 0 || !IsEncodedImage(mesh.texture)) {
+    throw Error(ErrorCode::kBadFile, "mesh " + mesh.name +
+                                         ": a texture must be a PNG or JPEG file and needs texture "
+                                         "coordinates");
+  }
+}
+
 void AddMesh(const RigMesh& rig_mesh, ModelBuilder* builder) {
   const Eigen::Matrix3Xf& positions = rig_mesh.mesh.positions;
   tinygltf::Primitive primitive;
   primitive.mode = TINYGLTF_MODE_TRIANGLES;
-  primitive.material = 0;
+  primitive.material = AddMaterial(rig_mesh, builder);
   const int position = builder->AddFloats(positions, TINYGLTF_TYPE_VEC3);
   for (Eigen::Index i = 0; i < 3; ++i) {
     builder->model().accessors[position].minValues.push_back(positions.row(i).minCoeff());
@@ -153,15 +201,11 @@ void AddMesh(const RigMesh& rig_mesh, ModelBuilder* builder) {
 
 void WriteRigGltf(const std::filesystem::path& path, const RigAsset& rig) {
   rig.Validate();
+  for (const RigMesh& mesh : rig.meshes) CheckTexture(mesh);
   ModelBuilder builder;
   tinygltf::Model& model = builder.model();
   model.asset.version = "2.0";
   model.asset.generator = "mpc";
-  tinygltf::Material material;
-  material.name = "body";
-  material.pbrMetallicRoughness.baseColorFactor = {0.6, 0.62, 0.65, 1};
-  material.pbrMetallicRoughness.metallicFactor = 0;
-  model.materials.push_back(material);
   AddBones(rig, &builder);
   model.scenes.emplace_back();
   model.scenes[0].nodes.push_back(0);  // the armature

@@ -1,9 +1,12 @@
 #include "mpc/skeleton/world.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skinning.h"
@@ -51,19 +54,38 @@ Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state
   return (trunk - feet).normalized();
 }
 
-// Up as the person shows it, in the camera frame.
-void EstimateUp(const Character& character, const Eigen::MatrixXd& poses,
-                WorldPlacement* placement) {
-  const Vector3d picture_up = -Vector3d::UnitY();
+// Where the camera is in each frame: in the world when that is known, else nowhere (identity).
+class Base {
+ public:
+  Base(const Camera& camera, std::span<const CameraFromWorld> motion) {
+    for (const CameraFromWorld& place : motion) base_from_camera_.push_back(place.Inverse());
+    if (motion.empty() && camera.has_extrinsics) {
+      base_from_camera_.push_back(camera.camera_from_world.Inverse());
+    }
+    if (base_from_camera_.empty()) base_from_camera_.emplace_back();
+  }
+  const Rigid<WorldFrame, CameraFrame>& operator[](Eigen::Index f) const {
+    return base_from_camera_[base_from_camera_.size() == 1 ? 0 : static_cast<size_t>(f)];
+  }
+
+ private:
+  std::vector<Rigid<WorldFrame, CameraFrame>> base_from_camera_;
+};
+
+// Up as the person shows it, in the base.
+Vector3d EstimateUp(const Character& character, const Eigen::MatrixXd& poses, const Base& base,
+                    WorldPlacement* placement) {
+  Vector3d picture_up_sum = Vector3d::Zero();
   std::vector<Vector3d> upright;
   KinematicState state;
   for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    const Vector3d picture_up = -base[f].rotation.col(1);
+    picture_up_sum += picture_up;
     ForwardKinematics(character.skeleton, poses.col(f), &state);
-    const Vector3d direction = StandingDirection(character.skeleton, state);
+    const Vector3d direction = base[f].rotation * StandingDirection(character.skeleton, state);
     if (AngleBetween(direction, picture_up) < kMaxTilt) upright.push_back(direction);
   }
-  placement->up_in_camera = picture_up;
-  placement->num_upright_frames = 0;
+  Vector3d up = picture_up_sum.norm() > 0 ? picture_up_sum : Vector3d(-base[0].rotation.col(1));
   if (!upright.empty()) {
     const Vector3d median = MedianDirection(upright);
     Vector3d sum = Vector3d::Zero();
@@ -72,13 +94,22 @@ void EstimateUp(const Character& character, const Eigen::MatrixXd& poses,
       sum += direction;
       ++placement->num_upright_frames;
     }
-    if (placement->num_upright_frames > 0) placement->up_in_camera = sum.normalized();
+    if (placement->num_upright_frames > 0) up = sum;
   }
   if (10 * placement->num_upright_frames < poses.cols()) {
     placement->warnings.push_back(
         "the person stands upright in less than a tenth of the frames: the direction of gravity "
         "is uncertain");
   }
+  return up.normalized();
+}
+
+// `up`, or the nearest axis when that is near.
+Vector3d SnappedToAxis(const Vector3d& up) {
+  Eigen::Index axis = 0;
+  up.cwiseAbs().maxCoeff(&axis);
+  const Vector3d nearest = std::copysign(1.0, up[axis]) * Vector3d::Unit(axis);
+  return AngleBetween(up, nearest) < kSnapAngle ? nearest : up;
 }
 
 // The smallest rotation onto y, exact when `up` is an axis.
@@ -99,17 +130,19 @@ Matrix3d SceneFromCameraRotation(const Vector3d& up) {
   return rotation;
 }
 
-// Height along `up` (camera frame) below which the actor does not stand.
-double FloorHeight(const Character& character, const Eigen::MatrixXd& poses, const Vector3d& up,
-                   int num_threads) {
+// Height along `up` (both in the base) below which the actor does not stand.
+double FloorHeight(const Character& character, const Eigen::MatrixXd& poses, const Base& base,
+                   const Vector3d& up, int num_threads) {
   std::vector<double> lowest(static_cast<size_t>(poses.cols()));
   ParallelFor(static_cast<int>(poses.cols()), num_threads, [&](int f) {
     KinematicState state;
     ForwardKinematics(character.skeleton, poses.col(f), &state);
     Eigen::Matrix3Xf vertices;
     SkinCharacter(character, state, &vertices);
+    const Vector3d up_in_camera = base[f].rotation.transpose() * up;
     lowest[static_cast<size_t>(f)] =
-        (up.cast<float>().transpose() * vertices).cast<double>().minCoeff();
+        (up_in_camera.cast<float>().transpose() * vertices).cast<double>().minCoeff() +
+        up.dot(base[f].translation);
   });
   return Percentile(std::move(lowest), kFloorPercentile);
 }
@@ -117,27 +150,28 @@ double FloorHeight(const Character& character, const Eigen::MatrixXd& poses, con
 }  // namespace
 
 WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,
-                            const Camera& camera, int num_threads) {
+                            const Camera& camera, std::span<const CameraFromWorld> motion,
+                            int num_threads) {
+  if (!motion.empty() && static_cast<Eigen::Index>(motion.size()) != poses.cols()) {
+    throw Error(ErrorCode::kMismatch, fmt::format("the moving camera has {} places for {} frames",
+                                                  motion.size(), poses.cols()));
+  }
   WorldPlacement placement;
-  EstimateUp(character, poses, &placement);
-  Rigid<SceneFrame, CameraFrame> scene_from_camera;
-  if (camera.has_extrinsics) {
-    placement.world_from_camera = camera.camera_from_world.Inverse();
-    Vector3d up_in_world = placement.world_from_camera.rotation * placement.up_in_camera;
-    Eigen::Index axis = 0;
-    up_in_world.cwiseAbs().maxCoeff(&axis);
-    const Vector3d nearest = std::copysign(1.0, up_in_world[axis]) * Vector3d::Unit(axis);
-    if (AngleBetween(up_in_world, nearest) < kSnapAngle) up_in_world = nearest;
-    placement.up_in_camera = camera.camera_from_world.rotation * up_in_world;
-    placement.scene_from_world.rotation = YUpFrom(up_in_world);
-    const Rigid<SceneFrame, CameraFrame> above_floor = placement.scene_from_camera();
-    placement.scene_from_world.translation.y() =
-        -above_floor.translation.y() -
-        FloorHeight(character, poses, placement.up_in_camera, num_threads);
+  const Base base(camera, motion);
+  Vector3d up = EstimateUp(character, poses, base, &placement);
+  const bool has_world = camera.has_extrinsics || !motion.empty();
+  if (has_world) up = SnappedToAxis(up);
+  const double floor = FloorHeight(character, poses, base, up, num_threads);
+  placement.up_in_camera = base[0].rotation.transpose() * up;
+  if (has_world) {
+    placement.world_from_camera = base[0];
+    placement.scene_from_world = {.rotation = YUpFrom(up), .translation = {0, -floor, 0}};
   } else {
-    placement.world_from_camera.rotation = SceneFromCameraRotation(placement.up_in_camera);
-    placement.world_from_camera.translation.y() =
-        -FloorHeight(character, poses, placement.up_in_camera, num_threads);
+    placement.world_from_camera = {.rotation = SceneFromCameraRotation(up),
+                                   .translation = {0, -floor, 0}};
+  }
+  for (size_t f = 0; f < motion.size(); ++f) {
+    placement.moving_world_from_camera.push_back(base[static_cast<Eigen::Index>(f)]);
   }
   return placement;
 }

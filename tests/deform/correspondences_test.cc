@@ -24,8 +24,8 @@ class CorrespondencesTest : public ::testing::Test {
                                IndexSilhouette(silhouette, camera_), options, &scratch_);
   }
   ModelBoundary Outline(const VectorXd& pose, double min_spacing_m) {
-    return FindOutline(camera_, testing::Vertices(Actor(), pose), topology_, min_spacing_m,
-                       &scratch_);
+    return FindOutline(camera_, testing::Vertices(Actor(), pose), topology_,
+                       {.min_spacing_m = min_spacing_m}, &scratch_);
   }
   int CountPart(const Correspondences& found, int part) const {
     return static_cast<int>(std::count_if(found.vertices.begin(), found.vertices.end(),
@@ -123,34 +123,32 @@ TEST_F(CorrespondencesTest, PartsOfTheBody) {
   EXPECT_MPC_ERROR(BodyParts(Actor(), 0), kInvalidArgument, "reach");
 }
 
-// The silhouette lacks the left toe, and the right foot's heel is the nearest there is.
-TEST_F(CorrespondencesTest, AToeDoesNotMatchTheHeelOfTheOtherFoot) {
+// The silhouette lacks the left toe, and what is nearest to it shows other parts.
+TEST_F(CorrespondencesTest, AToeDoesNotMatchAHeelOrTheOtherFoot) {
   const Eigen::Matrix3Xf vertices = testing::Vertices(Actor(), truth_);
-  const int toe = Extreme(kLeftFootSegment, {0, 0, 1});
-  const int heel = Extreme(kRightFootSegment, {0, 0, -1});
-  const auto pixel = [&](int v) {
-    return testing::PixelOf(camera_, vertices.col(v).cast<double>());
-  };
-  // Where the toe was there is now a copy of the heel's outline, 5 cm farther on.
-  const double px_per_m = camera_.fx / 4;
-  const Contour2d without = testing::Filtered(
-      silhouette_, [&](const Vector2d& x) { return (x - pixel(toe)).norm() > 0.12 * px_per_m; });
-  CorrespondenceOptions options{.min_part_support = 0, .min_support = 0};
-  options.max_distance_m = 1;
-  const auto count_wrong = [&](const Correspondences& found) {
+  const Eigen::Vector3d toe = vertices.col(Extreme(kLeftFootSegment, {0, 0, 1})).cast<double>();
+  const double px_per_m = camera_.fx / toe.z();
+  const Contour2d without = testing::Filtered(silhouette_, [&](const Vector2d& x) {
+    return (x - testing::PixelOf(camera_, toe)).norm() > 0.12 * px_per_m;
+  });
+  const ModelBoundary outline = Outline(truth_, 0);
+  // Targets at the outline of a part that the vertex must not match.
+  const auto count_wrong = [&](bool match_parts) {
+    CorrespondenceOptions options{.min_part_support = 0, .min_support = 0};
+    options.max_distance_m = 1;
+    options.match_parts = match_parts;
+    const Correspondences found = Find(truth_, without, options);
     int wrong = 0;
     for (int k = 0; k < found.size(); ++k) {
-      const Vector2d own = pixel(found.vertices[k]);
-      wrong += (own - pixel(toe)).norm() < 0.05 * px_per_m &&
-               parts_.part(found.vertices[k]) == kLeftFootSegment &&
-               (found.targets.col(k) - own).norm() > 0.1 * px_per_m;
+      Eigen::Index shown;
+      (outline.pixels.colwise() - found.targets.col(k)).colwise().norm().minCoeff(&shown);
+      wrong += parts_.part(found.vertices[k]) == kLeftFootSegment &&
+               !parts_.Compatible(found.vertices[k], outline.vertices[shown]);
     }
     return wrong;
   };
-  (void)heel;
-  EXPECT_EQ(count_wrong(Find(truth_, without, options)), 0);
-  options.match_parts = false;
-  EXPECT_GT(count_wrong(Find(truth_, without, options)), 3);
+  EXPECT_GT(count_wrong(false), 0);
+  EXPECT_EQ(count_wrong(true), 0);
 }
 
 TEST_F(CorrespondencesTest, APartWithoutSilhouetteIsLeftAlone) {
@@ -208,8 +206,11 @@ TEST_F(CorrespondencesTest, AnotherPersonsSilhouetteDoesNotMatch) {
 }
 
 TEST_F(CorrespondencesTest, WeightsMakeUpForTheDensityOfTheMesh) {
-  const Correspondences found =
-      Find(truth_, silhouette_, {.min_part_support = 0, .min_support = 0});
+  // Everything has a target.
+  CorrespondenceOptions options = CorrespondenceOptions::Paper();
+  options.max_angle_rad = 3.1;
+  options.weigh_by_length = true;
+  const Correspondences found = Find(truth_, silhouette_, options);
   ASSERT_EQ(found.size(), found.num_boundary);
   EXPECT_NEAR(found.weights.mean(), 1, 1e-12);
   EXPECT_GT(found.weights.minCoeff(), 0);
@@ -219,9 +220,9 @@ TEST_F(CorrespondencesTest, WeightsMakeUpForTheDensityOfTheMesh) {
     for (int k = 0; k < c.size(); ++k) sum += parts_.part(c.vertices[k]) == part ? c.weights[k] : 0;
     return sum / c.num_boundary;
   };
-  const Correspondences thinned = Find(
-      truth_, silhouette_,
-      {.min_part_support = 0, .min_support = 0, .min_spacing_m = 0.02, .weigh_by_length = false});
+  options.weigh_by_length = false;
+  options.min_spacing_m = 0.02;
+  const Correspondences thinned = Find(truth_, silhouette_, options);
   for (const int part : {kChestSegment, kLeftShankSegment, kRightThighSegment}) {
     EXPECT_NEAR(share(found, part), share(thinned, part), 0.25 * share(thinned, part)) << part;
   }

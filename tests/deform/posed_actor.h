@@ -1,4 +1,4 @@
-// Purpose: a procedural actor before a camera, its silhouettes, and how far a pose is from the truth.
+// Purpose: an actor in tight clothes before a camera, its silhouettes, and how far a pose is from the truth.
 // Frames: camera frame. Units: metres, errors mm.
 #pragma once
 
@@ -9,9 +9,9 @@
 
 #include "mpc/core/rigid.h"
 #include "mpc/deform/correspondences.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/metrics.h"
 #include "mpc/eval/motions.h"
-#include "mpc/eval/procedural_actor.h"
 #include "mpc/render/model_mask.h"
 #include "mpc/seg/contour.h"
 #include "mpc/skeleton/character.h"
@@ -22,7 +22,7 @@ namespace mpc::testing {
 
 inline const Character& Actor() {
   static const Character character = [] {
-    const RigAsset rig = ProceduralActor();
+    const RigAsset rig = MakeDressedActor({.outfit = Outfit::kTight}).rig;
     return BuildCharacter(rig, MapRigByNames(rig));
   }();
   return character;

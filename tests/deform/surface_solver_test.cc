@@ -188,8 +188,6 @@ TEST_F(SurfaceSolverTest, AsGoodAsTheOracle) {
     for (const Eigen::Matrix3d& rotation : field.rotations) {
       EXPECT_LT((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-9);
     }
-    printf("%g %g: start %.4f fast %.6f (%d) oracle %.6f (%d)\n", weights.arap, weights.depth_drift,
-           fast.initial_cost, fast.final_cost, fast.steps, oracle.final_cost, oracle.steps);
   }
 }
 

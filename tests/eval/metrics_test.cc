@@ -212,5 +212,49 @@ TEST_F(MetricsTest, MaskIou) {
   EXPECT_THROW(MaskIou(a, cv::Mat::zeros(10, 9, CV_8UC1)), Error);
 }
 
+TEST_F(MetricsTest, RootError) {
+  std::vector<JointId> joints = joints_;
+  Eigen::MatrixXd moved = truth_;
+  for (int row = 0; row < moved.rows(); row += 3) moved.row(row).array() += row == 0 ? 1 : 0.03;
+  // The middle of the hips moves by 30 mm, whatever a shoulder does.
+  const JointErrors errors = CompareJoints(joints, moved, truth_);
+  EXPECT_NEAR(errors.place.mean_mm, 30, 1e-9);
+  EXPECT_EQ(errors.place.num_observations, 7);
+  EXPECT_EQ(errors.place.each_mm.rows(), 1);
+  EXPECT_DOUBLE_EQ(errors.root.each_mm.mean(), errors.root.mean_mm);
+  EXPECT_EQ(CompareJoints(joints, truth_, truth_).place.mean_mm, 0);
+}
+
+TEST_F(MetricsTest, BoundaryFOfMovedSquares) {
+  cv::Mat a = cv::Mat::zeros(60, 80, CV_8UC1);
+  cv::Mat b = a.clone();
+  EXPECT_EQ(BoundaryF(a, b), 1);  // no outlines at all
+  a(cv::Rect(20, 20, 20, 20)) = 255;
+  EXPECT_EQ(BoundaryF(a, b), 0);
+  EXPECT_EQ(BoundaryF(a, a), 1);
+  b(cv::Rect(22, 20, 20, 20)) = 1;  // moved by two pixels
+  EXPECT_EQ(BoundaryF(a, b, 2), 1);
+  // Of a's 76 pixels of outline, near b's within a pixel: columns 21 to 39 of the upper and of the
+  // lower side, and of the right side the two pixels next to those.
+  EXPECT_DOUBLE_EQ(BoundaryF(a, b, 1), (2 * 19 + 2) / 76.0);
+  EXPECT_EQ(BoundaryF(a, b, 1), BoundaryF(b, a, 1));
+}
+
+TEST_F(MetricsTest, BoundaryFWeighsPrecisionAndRecall) {
+  cv::Mat a = cv::Mat::zeros(100, 100, CV_8UC1);
+  a(cv::Rect(10, 10, 11, 11)) = 255;  // outline of 40 pixels
+  cv::Mat b = a.clone();
+  b(cv::Rect(60, 60, 31, 31)) = 255;  // one of 120 more
+  EXPECT_DOUBLE_EQ(BoundaryF(a, b, 1), 2 * 1 * 0.25 / 1.25);
+  // Where a mask runs out of the picture there is no outline.
+  cv::Mat half = cv::Mat::zeros(100, 100, CV_8UC1);
+  half.colRange(0, 50) = 255;
+  cv::Mat line = cv::Mat::zeros(100, 100, CV_8UC1);
+  line.colRange(49, 50) = 255;
+  EXPECT_EQ(BoundaryF(half, line, 1), 1);
+  EXPECT_THROW(BoundaryF(a, cv::Mat::zeros(10, 9, CV_8UC1)), Error);
+  EXPECT_THROW(BoundaryF(a, b, 0), Error);
+}
+
 }  // namespace
 }  // namespace mpc

@@ -196,5 +196,29 @@ TEST_F(SyntheticTest, UnusableInputIsRefused) {
   EXPECT_THROW(SynthesizeDetections(skeleton_, poses_, camera_, 0, {}, 0), Error);
 }
 
+TEST_F(SyntheticTest, FailuresComeOnTopOfTheMeasuredErrors) {
+  // The dice are the same, so that everything else is equal.
+  const SyntheticDetections usual = Make(DetectionNoise::Measured());
+  const SyntheticDetections failing = Make(DetectionNoise::MeasuredWithFailures());
+  const auto left = static_cast<int>(JointId::kLeftWrist);
+  const auto right = static_cast<int>(JointId::kRightWrist);
+  double swapped = 0, dropped = 0, wrong = 0;
+  for (int f = 0; f < 600; ++f) {
+    const Detections2d::Frame& before = usual.detections2d.frames[f];
+    const Detections2d::Frame& after = failing.detections2d.frames[f];
+    const bool exchanged = (after.pixels.col(left) - before.pixels.col(right)).norm() < 1e-9 ||
+                           (after.pixels.col(right) - before.pixels.col(left)).norm() < 1e-9;
+    swapped += exchanged;
+    dropped += static_cast<double>((after.confidence.array() == 0).count()) / 16;
+    if (exchanged) continue;
+    wrong += static_cast<double>(
+                 ((after.pixels - before.pixels).colwise().norm().array() > 1e-9).count()) /
+             16;
+  }
+  EXPECT_NEAR(swapped / 600, 0.02, 0.012);
+  EXPECT_NEAR(dropped / 600, 0.03, 0.01);
+  EXPECT_NEAR(wrong / 600, 0.01, 0.005);
+}
+
 }  // namespace
 }  // namespace mpc

@@ -28,8 +28,13 @@ void CheckInBlender(const std::filesystem::path& source, const RigAsset& rig,
                     const Skeleton& skeleton, GltfPerformance performance) {
   const testing::TempDir dir;
   performance.camera = Camera::FromFov(640, 480, 1.0);
-  performance.scene_from_camera = Eigen::Translation3d(0.3, 1.2, 4) *
-                                  Eigen::AngleAxisd(3.0, Eigen::Vector3d(1, 0.1, 0).normalized());
+  // A moving camera; expected is its place in the frame whose vertices are compared.
+  performance.scene_from_camera.clear();
+  for (int f = 0; f < kNumFrames; ++f) {
+    performance.scene_from_camera.push_back(
+        Eigen::Translation3d(0.3 + 0.05 * f, 1.2, 4) *
+        Eigen::AngleAxisd(3 + 0.02 * f, Eigen::Vector3d(1, 0.1, 0).normalized()));
+  }
   WriteGltfPerformance(dir / "performance.glb", source, rig, performance);
   const Eigen::MatrixXd poses = testing::RandomMotion(skeleton, kNumFrames, 5);
   WriteBvh(dir / "motion.bvh", BvhFromPoses(skeleton, poses, kFps));
@@ -58,8 +63,9 @@ void CheckInBlender(const std::filesystem::path& source, const RigAsset& rig,
   for (Eigen::Index v = 0; v < vertices.cols(); ++v) {
     expected["vertices"].push_back(ToJson(vertices.col(v)));
   }
-  expected["camera"] = ToJson(performance.scene_from_camera.translation());
-  expected["camera_forward"] = ToJson(performance.scene_from_camera.linear().col(2));
+  const Eigen::Isometry3d& place = performance.scene_from_camera[kNumFrames / 2];
+  expected["camera"] = ToJson(place.translation());
+  expected["camera_forward"] = ToJson(place.linear().col(2));
   dir.Write("expected.json", expected.dump());
 
   const testing::ProgramResult result = testing::RunProgram(

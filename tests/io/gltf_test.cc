@@ -361,6 +361,32 @@ TEST(GltfWriteTest, KeysAreTheVideosAndQuaternionsDoNotJump) {
   EXPECT_LT(num_translations, 8);
 }
 
+TEST(GltfWriteTest, AMovingCameraIsAnimated) {
+  const TempDir dir;
+  TestGltf file(testing::MakeTestRig(), {});
+  const auto source = dir.Write("a.glb", file.Bytes());
+  const RigAsset rig = ReadRigGltf(source);
+  GltfPerformance performance = RandomPerformance(rig, BuildCharacter(rig, MapRigByNames(rig)), 4);
+  performance.camera = Camera::FromFov(640, 480, 1.0);
+  performance.scene_from_camera.clear();
+  for (int f = 0; f < 4; ++f) {
+    performance.scene_from_camera.push_back(Eigen::Translation3d(0.3 * f, 1.2, 4) *
+                                            Eigen::AngleAxisd(2.0 * f, Eigen::Vector3d::UnitY()));
+  }
+  WriteGltfPerformance(dir / "out.glb", source, rig, performance);
+  const GltfProbe out(dir / "out.glb");
+  for (int f = 0; f < 4; ++f) {
+    const Eigen::Affine3d scene_from_node = out.NodeWorlds(f)[out.json["nodes"].size() - 1];
+    const Eigen::Isometry3d& place = performance.scene_from_camera[static_cast<size_t>(f)];
+    EXPECT_LT((scene_from_node.translation() - place.translation()).norm(), 1e-6);
+    EXPECT_LT((scene_from_node.linear().col(2) + place.linear().col(2)).norm(), 1e-6);
+    EXPECT_LT((scene_from_node.linear().col(1) + place.linear().col(1)).norm(), 1e-6);
+  }
+  performance.scene_from_camera.pop_back();
+  EXPECT_MPC_ERROR(WriteGltfPerformance(dir / "out.glb", source, rig, performance),
+                   kInvalidArgument, "3 places of the camera for 4 frames");
+}
+
 TEST(GltfWriteTest, CameraNodeSeesWhatTheCameraSees) {
   const TempDir dir;
   TestGltf file(testing::MakeTestRig(), {});
@@ -372,9 +398,11 @@ TEST(GltfWriteTest, CameraNodeSeesWhatTheCameraSees) {
   camera.fy *= 1.1;
   camera.distortion[0] = 0.01;
   performance.camera = camera;
-  performance.scene_from_camera = Eigen::Translation3d(0.3, 1.2, 4) *
-                                  Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()) *
-                                  Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY());
+  const Eigen::Isometry3d scene_from_camera =
+      Eigen::Translation3d(0.3, 1.2, 4) *
+      Eigen::AngleAxisd(std::numbers::pi, Eigen::Vector3d::UnitX()) *
+      Eigen::AngleAxisd(0.2, Eigen::Vector3d::UnitY());
+  performance.scene_from_camera = {scene_from_camera};
   WriteGltfPerformance(dir / "out.glb", source, rig, performance);
   const GltfProbe out(dir / "out.glb");
   const size_t node_index = out.json["nodes"].size() - 1;
@@ -389,7 +417,7 @@ TEST(GltfWriteTest, CameraNodeSeesWhatTheCameraSees) {
   camera.distortion = {};
   for (const Eigen::Vector3d& x : {Eigen::Vector3d(0, 1, 0), Eigen::Vector3d(-0.4, 0.2, 0.5)}) {
     Eigen::Vector2d pixel;
-    ASSERT_TRUE(Project(camera, performance.scene_from_camera.inverse() * x, &pixel));
+    ASSERT_TRUE(Project(camera, scene_from_camera.inverse() * x, &pixel));
     // OpenGL's perspective: normalised device coordinates of the glTF camera.
     const Eigen::Vector3d p = scene_from_node.inverse() * x;
     ASSERT_LT(p.z(), 0);

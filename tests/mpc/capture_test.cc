@@ -14,6 +14,7 @@
 #include "io/temp_dir.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
+#include "mpc/io/camera_file.h"
 #include "mpc/io/mask_file.h"
 #include "mpc/io/trc.h"
 #include "mpc/io/video.h"
@@ -352,6 +353,44 @@ TEST_F(CaptureTest, ACameraForAnotherSizeIsScaledOrRefused) {
 
   WriteCameras(inputs.camera, {testing::SmallCamera(160, 128)});
   EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "160 x 128");
+}
+
+// The same clip as if the camera had turned about the person: in the camera nothing changes, in the
+// world the person turns the other way, and the files agree with one another.
+TEST_F(CaptureTest, AMovingCameraIsPutIntoTheWorldFrameByFrame) {
+  CaptureInputs inputs = clip_->inputs;
+  std::vector<CameraFromWorld> motion;
+  for (int f = 0; f < 24; ++f) {
+    CameraFromWorld place = clip_->camera.camera_from_world;
+    place.rotation = place.rotation * ExpSO3({0, 0.02 * f, 0});
+    motion.push_back(place);
+  }
+  inputs.camera = (out_ / "camera.json").string();
+  WriteMovingCamera(inputs.camera, clip_->camera, motion);
+  const CaptureReport moving = Capture(inputs, out_ / "moving", QuickOptions()).Run();
+  const CaptureReport standing = Capture(clip_->inputs, out_ / "standing", QuickOptions()).Run();
+  EXPECT_EQ(moving.track.poses, standing.track.poses);
+  const Eigen::MatrixXd in_moving = ReadTrc(out_ / "moving" / "joints.trc").positions;
+  const Eigen::MatrixXd in_standing = ReadTrc(out_ / "standing" / "joints.trc").positions;
+  ASSERT_EQ(in_moving.cols(), 24);
+  for (const int f : {0, 11, 23}) {
+    const Rigid<WorldFrame, WorldFrame> turned =
+        motion[static_cast<size_t>(f)].Inverse() * clip_->camera.camera_from_world;
+    for (int i = 0; i < in_moving.rows(); i += 3) {
+      EXPECT_LT((in_moving.block<3, 1>(i, f) - turned * in_standing.block<3, 1>(i, f)).norm(),
+                1e-3);
+    }
+  }
+  const nlohmann::json json = ReadReport(out_ / "moving");
+  EXPECT_TRUE(json["world"]["moving_camera"]);
+  EXPECT_EQ(json["frames"][5]["world_from_camera"]["R"].size(), 3u);
+  const testing::GltfProbe probe(out_ / "moving" / "performance.glb");
+  const auto& camera_node = probe.json["nodes"].back();
+  EXPECT_TRUE(camera_node.contains("camera"));
+
+  motion.pop_back();
+  WriteMovingCamera(inputs.camera, clip_->camera, motion);
+  EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "has 23 frames");
 }
 
 TEST_F(CaptureTest, DetectionsMustBeOfThisVideo) {

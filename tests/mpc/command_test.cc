@@ -12,6 +12,7 @@
 #include <filesystem>
 #include <functional>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
@@ -19,7 +20,17 @@
 #include <thread>
 #include <vector>
 
+#include "mpc/eval/motions.h"
 #include "mpc/io/atomic_file.h"
+#include "mpc/io/bvh.h"
+#include "mpc/io/camera_file.h"
+#include "mpc/io/gltf.h"
+#include "mpc/io/mask_file.h"
+#include "mpc/io/pc2.h"
+#include "mpc/render/lit_scene.h"
+#include "mpc/render/raster.h"
+#include "mpc/skeleton/character.h"
+#include "mpc/skeleton/rig_map.h"
 #include "small_clip.h"
 
 extern char** environ;
@@ -158,7 +169,7 @@ TEST_F(CommandTest, CapturesAndEvaluates) {
 
 TEST_F(CommandTest, SynthesizesAClipThatItCanCapture) {
   const Outcome synth = RunCommand({"synth", "-o", folder_.path().string(), "--seconds", "0.5",
-                                    "--width", "160", "--height", "120", "--noise", "none"});
+                                    "--width", "160", "--height", "120", "--noise", "exact"});
   ASSERT_EQ(synth.exit_code, 0) << synth.err;
   const auto file = [&](const char* name) { return (folder_ / name).string(); };
   const Outcome capture = RunCommand(
@@ -170,6 +181,146 @@ TEST_F(CommandTest, SynthesizesAClipThatItCanCapture) {
       {"eval", (output() / "joints.trc").string(), "--truth", file("truth.trc"), "--json"});
   ASSERT_EQ(eval.exit_code, 0) << eval.err;
   EXPECT_LT(nlohmann::json::parse(eval.out)["mpjpe"]["mean_mm"], 40);
+}
+
+// All files below a folder and their contents.
+std::map<std::string, std::string> Contents(const fs::path& folder) {
+  std::map<std::string, std::string> contents;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder)) {
+    if (!entry.is_regular_file()) continue;
+    contents[fs::relative(entry.path(), folder).string()] = ReadFile(entry.path());
+  }
+  return contents;
+}
+
+std::vector<std::string> SynthArguments(const fs::path& folder,
+                                        const std::vector<std::string>& more = {}) {
+  std::vector<std::string> arguments = {"synth",   "-o", folder.string(), "--seconds", "0.2",
+                                        "--width", "64", "--height",      "80",        "--quiet"};
+  arguments.insert(arguments.end(), more.begin(), more.end());
+  return arguments;
+}
+
+TEST_F(CommandTest, SynthWritesTheWholeTruth) {
+  const fs::path clip = folder_ / "clip";
+  ASSERT_EQ(RunCommand(SynthArguments(clip, {"--camera", "handheld"})).exit_code, 0);
+  EXPECT_THAT(FilesIn(clip),
+              ::testing::UnorderedElementsAre("actor.glb", "camera.json", "clip.mp4",
+                                              "detections2d.json", "detections3d.json", "masks",
+                                              "truth.json", "truth.trc", "vertices.pc2"));
+  const nlohmann::json truth = nlohmann::json::parse(ReadFile(clip / "truth.json"));
+  EXPECT_EQ(truth["format"], "mpc-truth");
+  EXPECT_EQ(truth["frames"], 6);
+  EXPECT_EQ(truth["camera_motion"], "handheld");
+  EXPECT_EQ(truth["noise"], "measured");
+  for (const char* file : {"video", "actor", "camera", "joints", "vertices", "masks",
+                           "detections2d", "detections3d"}) {
+    EXPECT_TRUE(fs::exists(clip / truth[file].get<std::string>())) << file;
+  }
+  // The files alone, read again, give the masks.
+  const RigAsset rig = ReadRigGltf(clip / "actor.glb");
+  const Character character = BuildCharacter(rig, MapRigByNames(rig));
+  Camera camera = ReadCamera((clip / "camera.json").string());
+  const std::vector<CameraFromWorld> motion = ReadCameraMotion((clip / "camera.json").string());
+  ASSERT_EQ(motion.size(), 6u);
+  Pc2Reader vertices(clip / "vertices.pc2");
+  MaskReader masks(clip / "masks", camera.width, camera.height);
+  for (int f = 0; f < 6; ++f) {
+    Eigen::Matrix3Xf x;
+    vertices.Read(f, &x);
+    cv::Mat mask;
+    ASSERT_TRUE(masks.Read(&mask));
+    const cv::Mat drawn = MeshMask(camera, ToCamera(motion[f], x), character.mesh.triangles);
+    EXPECT_GT(cv::countNonZero(drawn), 100);
+    EXPECT_EQ(cv::countNonZero(drawn != mask), 0) << f;
+  }
+}
+
+TEST_F(CommandTest, SynthGivesTheSameBytesAgain) {
+  const std::vector<std::string> options = {"--camera", "handheld", "--seed", "5"};
+  ASSERT_EQ(RunCommand(SynthArguments(folder_ / "a", options)).exit_code, 0);
+  std::vector<std::string> one = options;
+  one.insert(one.end(), {"--threads", "1"});
+  ASSERT_EQ(RunCommand(SynthArguments(folder_ / "b", one)).exit_code, 0);
+  const std::map<std::string, std::string> a = Contents(folder_ / "a");
+  const std::map<std::string, std::string> b = Contents(folder_ / "b");
+  EXPECT_EQ(a.size(), 14u);  // 8 files and 6 masks
+  ASSERT_EQ(a.size(), b.size());
+  for (const auto& [name, bytes] : a) EXPECT_TRUE(bytes == b.at(name)) << name;
+}
+
+TEST_F(CommandTest, SynthWithoutDetectionsWritesNone) {
+  const fs::path clip = folder_ / "clip";
+  ASSERT_EQ(RunCommand(SynthArguments(clip)).exit_code, 0);
+  ASSERT_EQ(RunCommand(SynthArguments(clip, {"--noise", "off", "--occluders"})).exit_code, 0);
+  EXPECT_THAT(FilesIn(clip), Not(::testing::Contains(HasSubstr("detections"))));
+  EXPECT_FALSE(nlohmann::json::parse(ReadFile(clip / "truth.json")).contains("detections2d"));
+}
+
+TEST_F(CommandTest, SynthPerformsABvhWithAUsersActor) {
+  const Skeleton skeleton = DefaultSkeleton();
+  const fs::path bvh = folder_ / "squat.bvh";
+  WriteBvh(bvh, BvhFromPoses(skeleton, MakeMotion(skeleton, MotionKind::kSquat, 1, 60), 60));
+  const fs::path clip = folder_ / "clip";
+  const Outcome outcome = RunCommand(
+      SynthArguments(clip, {"--motion", bvh.string(), "--start", "0.5", "--fps", "25", "--actor",
+                            clip_->inputs.actor.string(), "--place", "park"}));
+  ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+  EXPECT_EQ(FilesIn(clip / "masks").size(), 5u);  // 0.2 s
+  EXPECT_EQ(ReadFile(clip / "actor.glb"), ReadFile(clip_->inputs.actor));
+  EXPECT_EQ(nlohmann::json::parse(ReadFile(clip / "truth.json"))["motion"], "squat");
+}
+
+TEST_F(CommandTest, SynthRefusesBadInputsInOneSentence) {
+  const fs::path clip = folder_ / "clip";
+  const auto refused = [&](const std::vector<std::string>& more, const std::string& part) {
+    ExpectOneSentence(RunCommand(SynthArguments(clip, more)), part);
+    EXPECT_THAT(FilesIn(clip), Not(::testing::Contains("truth.json")));
+    EXPECT_THAT(FilesIn(clip), Not(::testing::Contains("clip.mp4")));
+  };
+  refused({"--motion", (folder_ / "none.bvh").string()}, "none.bvh");
+  const std::string broken = folder_.Write("broken.bvh", "HIERARCHY\nROOT Hips\n{").string();
+  refused({"--motion", broken}, "broken.bvh");
+  const fs::path bvh = folder_ / "walk.bvh";
+  const Skeleton skeleton = DefaultSkeleton();
+  WriteBvh(bvh, BvhFromPoses(skeleton, MakeMotion(skeleton, MotionKind::kWalk, 0.5, 30), 30));
+  refused({"--motion", bvh.string(), "--start", "7"}, "behind its end");
+  refused({"--start", "7"}, "--start");
+  refused({"--fov", "nan"}, "fov");
+  refused({"--seconds", "nan"}, "nan s");
+  refused({"--actor", (folder_ / "none.glb").string()}, "none.glb");
+  refused({"--actor", folder_.Write("garbage.glb", "no mesh").string()}, "garbage.glb");
+  ExpectOneSentence(RunCommand(SynthArguments("/proc/clip")), "/proc/clip");
+  for (const std::vector<std::string>& usage :
+       std::vector<std::vector<std::string>>{{"--motion", "fly"},
+                                             {"--camera", "crane"},
+                                             {"--noise", "none"},
+                                             {"--shutter", "2"},
+                                             {"--samples", "0"},
+                                             {"--outfit", "kilt"},
+                                             {"--place", "moon"},
+                                             {"--seconds", "-1"}}) {
+    EXPECT_EQ(RunCommand(SynthArguments(clip, usage)).exit_code, 2) << usage[0] << usage[1];
+  }
+  EXPECT_EQ(RunCommand({"synth"}).exit_code, 2);
+}
+
+TEST_F(CommandTest, CtrlCLeavesNoHalfSynthesizedClip) {
+  const fs::path clip = folder_ / "clip";
+  ASSERT_EQ(RunCommand(SynthArguments(clip)).exit_code, 0);  // of an earlier run
+  const Process process({MPC_COMMAND, "synth", "-o", clip.string(), "--seconds", "60", "--width",
+                         "320", "--height", "240"});
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  while (process.Err().find("clip ") == std::string::npos &&
+         std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(2));
+  }
+  process.Signal(SIGINT);
+  const Outcome outcome = process.Wait();
+  EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
+  EXPECT_THAT(FilesIn(clip),
+              ::testing::UnorderedElementsAre("actor.glb", "camera.json", "detections2d.json",
+                                              "detections3d.json", "truth.trc", "vertices.pc2"));
 }
 
 TEST_F(CommandTest, SegmentsWhatWasCaptured) {

@@ -6,7 +6,7 @@
 #include <opencv2/core.hpp>
 #include <vector>
 
-#include "mpc/eval/procedural_actor.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/io/mask_file.h"
 #include "mpc/render/raster.h"
 #include "mpc/render/shade.h"
@@ -56,7 +56,7 @@ struct DrawnClip {
 
   TempDir folder;
   Camera camera;
-  RigAsset rig = ProceduralActor();
+  RigAsset rig = MakeDressedActor().rig;
   Character character;
   Eigen::MatrixXd true_poses;
   Eigen::MatrixXd poses;

@@ -9,6 +9,7 @@
 
 #include "mpc/eval/motions.h"
 #include "mpc/skeleton/skinning.h"
+#include "support/expect_error.h"
 #include "support/test_rig.h"
 
 namespace mpc {
@@ -154,10 +155,39 @@ TEST_F(WorldTest, AFewFramesOnTheFloorDoNotTiltTheWorld) {
 
 TEST_F(WorldTest, DoesNotDependOnTheNumberOfThreads) {
   const Eigen::MatrixXd poses = PosesInCamera(MotionKind::kSquat, 0.2, 0.1);
-  const WorldPlacement one = PlaceInWorld(character_, poses, camera_, 1);
-  const WorldPlacement three = PlaceInWorld(character_, poses, camera_, 3);
+  const WorldPlacement one = PlaceInWorld(character_, poses, camera_, {}, 1);
+  const WorldPlacement three = PlaceInWorld(character_, poses, camera_, {}, 3);
   EXPECT_EQ(one.world_from_camera.rotation, three.world_from_camera.rotation);
   EXPECT_EQ(one.world_from_camera.translation, three.world_from_camera.translation);
+}
+
+// A camera that moves, and whose places are known, finds the place that a camera at rest finds.
+TEST_F(WorldTest, MovingCameraGivesTheSameWorld) {
+  const Eigen::MatrixXd poses = PosesInCamera(MotionKind::kWalk, 0.3, 0.1);
+  camera_.has_extrinsics = true;
+  const WorldPlacement standing = PlaceInWorld(character_, poses, camera_);
+  Eigen::MatrixXd seen(poses.rows(), poses.cols());
+  std::vector<CameraFromWorld> motion;
+  for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    const double t = 0.05 * static_cast<double>(f);
+    const Rigid<CameraFrame, CameraFrame> moved = {
+        .rotation = ExpSO3({0.2 * std::sin(t), 0.5 * t, 0.1 * t}),
+        .translation = {0.3 * t, 0.1, 0}};
+    motion.push_back(moved * camera_.camera_from_world);
+    seen.col(f) = TransformPoses(moved.rotation, moved.translation, poses.col(f));
+  }
+  const WorldPlacement moving = PlaceInWorld(character_, seen, camera_, motion);
+  EXPECT_TRUE(moving.scene_from_world.rotation.isApprox(standing.scene_from_world.rotation, 1e-12));
+  EXPECT_LT((moving.scene_from_world.translation - standing.scene_from_world.translation).norm(),
+            1e-5);
+  ASSERT_EQ(moving.moving_world_from_camera.size(), motion.size());
+  for (const Eigen::Index f : {Eigen::Index{0}, poses.cols() - 1}) {
+    const Vector3d x_standing = standing.scene_from_camera() * Vector3d(poses.col(f).head<3>());
+    const Vector3d x_moving = moving.SceneFromCamera(f) * Vector3d(seen.col(f).head<3>());
+    EXPECT_LT((x_standing - x_moving).norm(), 1e-5) << f;
+  }
+  motion.pop_back();
+  EXPECT_MPC_ERROR(PlaceInWorld(character_, seen, camera_, motion), kMismatch, "places for");
 }
 
 }  // namespace

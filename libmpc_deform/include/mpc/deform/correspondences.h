@@ -39,6 +39,9 @@ struct CorrespondenceOptions {
   // pixel. false: all alike, as in the paper.
   bool weigh_by_length = true;
 
+  // Leave out what lies hidden behind the outline, which takes a depth image.
+  bool drop_hidden = true;
+
   // As the paper's text, which prunes by normals alone: 10 m are no limit.
   static CorrespondenceOptions Paper();
 
@@ -69,10 +72,10 @@ struct CorrespondenceScratch {
 // (kInvalidArgument) for a contour that is not finite or whose parts differ in number.
 ContourIndex IndexSilhouette(const Contour2d& contour, const Camera& camera);
 
-// The outline of a posed or deformed mesh, in pixels of the whole picture; at most one vertex per
-// min_spacing_m. Throws Error (kInvalidArgument) as FindModelBoundary. O(V + T + pixels of the model).
+// The outline of a posed or deformed mesh, in pixels of the whole picture, as min_spacing_m and
+// drop_hidden say. Throws Error (kInvalidArgument) as FindModelBoundary. O(V + T + pixels of the model).
 ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
-                          const SurfaceTopology& topology, double min_spacing_m,
+                          const SurfaceTopology& topology, const CorrespondenceOptions& options,
                           CorrespondenceScratch* scratch);
 
 // Its correspondences.

@@ -1,7 +1,7 @@
-// Purpose: smooth over time what was refined frame by frame, without flattening the motion itself.
+// Purpose: smooth over time what was refined frame by frame, without flattening the motion.
 // Source: paper, end of Section 5: "temporally smoothing the per-frame results based on a centered
-// window of 5 frames". Ours: the difference that refinement made is smoothed, not the motion, which
-// the batch has smoothed already (docs/deform.md).
+// window of 5 frames". Ours: a parabola through the window instead of its mean, and what happens
+// beside frames that were not refined (docs/deform.md).
 // Frames: any, the same for all. Units: as the input's. Symbols: N dofs, F frames, V vertices.
 #pragma once
 
@@ -18,11 +18,11 @@ namespace mpc {
 struct SmoothingOptions {
   int window_frames = 5;  // centred, odd, 1: no smoothing; paper
   // Degree of the polynomial in time that is fitted to the window, 0 to 2. 1 is the mean of the
-  // window, and follows a trend at the ends of a clip, where the window has one side only.
-  int degree = 1;
-  bool correction_only = true;  // smooth refined minus batch; false: the refined motion (paper)
+  // window, the paper's, which flattens fast motion; both follow a trend at the ends of a clip, where
+  // the window has one side only.
+  int degree = 2;
 
-  // The mean of the motion itself.
+  // The mean of the window.
   static SmoothingOptions Paper();
 
   // Throws Error (kInvalidArgument) naming every fault.
@@ -37,9 +37,9 @@ struct SmoothingOptions {
 Eigen::VectorXd SmoothingWeights(const std::vector<bool>& usable, const SmoothingOptions& options);
 
 // Smoothed poses, N x F, within the skeleton's bounds: translation and angles linearly, rotations of
-// the root on SO(3). Where is_refined is false `refined` is not read: the frame gets its neighbours'
-// correction, or with correction_only off counts as the batch has it. Throws Error (kMismatch) for
-// sizes that differ.
+// the root on SO(3). Where is_refined is false `refined` is not read: the frame first gets the
+// correction (refined minus batch) of its neighbours as SmoothingWeights says. Frames without a
+// refined one in their window keep the batch's pose. Throws Error (kMismatch) for sizes that differ.
 Eigen::MatrixXd SmoothPoses(const Skeleton& skeleton, const Eigen::MatrixXd& batch,
                             const Eigen::MatrixXd& refined, const std::vector<bool>& is_refined,
                             const SmoothingOptions& options);

@@ -29,6 +29,7 @@ struct AlignedError {
   int num_observations = 0;      // scored joints, summed over frames
   Eigen::VectorXd per_frame_mm;  // F; NaN for a frame that was not scored
   Eigen::VectorXd per_joint_mm;  // J; NaN for a joint that was never scored
+  Eigen::MatrixXd each_mm;       // J x F; NaN for a joint that was not scored in a frame
 };
 
 struct JointErrors {
@@ -39,10 +40,11 @@ struct JointErrors {
   AlignedError root;        // MPJPE: translation of the root per frame
   AlignedError scale;       // N-MPJPE: root translation and the best scale per frame
   AlignedError similarity;  // PA-MPJPE: the best rotation, translation and scale per frame
+  AlignedError place;       // of the root alone, nothing aligned: J = 1
 };
 
 // Compares two joint trajectories. The root is the pelvis where both inputs have it, else the
-// middle of the hips; frames without one are not scored by `root` and `scale`. `similarity` needs
+// middle of the hips; frames without one are not scored by `root`, `scale` and `place`. `similarity` needs
 // three joints that are not all in one place.
 JointErrors CompareJoints(std::span<const JointId> joints, const Eigen::MatrixXd& estimate,
                           const Eigen::MatrixXd& truth);
@@ -90,6 +92,14 @@ ReprojectionError CompareReprojection(const Camera& camera, std::span<const Join
 
 // Intersection over union of two 8-bit masks (non-zero is inside); 1 when both are empty.
 double MaskIou(const cv::Mat& a, const cv::Mat& b);
+
+// How far outlines agree: the harmonic mean of precision (share of a's outline within the tolerance
+// of b's) and recall (share of b's within that of a's). The outline is every pixel inside with one of
+// its 4 neighbours outside; the picture's border is none. 1 when neither mask has an outline, 0 when
+// one has. tolerance_px > 0; the default is that of DAVIS (Perazzi et al. 2016), 0.8 % of the
+// picture's diagonal. Distances are Euclidean, to 1e-3 px.
+double BoundaryF(const cv::Mat& a, const cv::Mat& b, double tolerance_px);
+double BoundaryF(const cv::Mat& a, const cv::Mat& b);
 
 // Masks of a clip: one IoU per frame, NaN for a frame that is not scored.
 struct IouSummary {

@@ -33,8 +33,8 @@ struct RetargetSummary {
 
 // Poses N x F at the source's frame rate: limb directions of the source, root path scaled by leg
 // length, hinge bounds kept, the feet on the floor y = 0 whenever the source's are. Twists that
-// positions do not show stay near rest. Joints are recognised by name: CMU, Mixamo, DeepMimic, VRM
-// and plain ("left_hip") spellings. Throws Error (kUnsupported) listing the joints not found and
+// positions do not show stay near rest. Joints are recognised by name: CMU, Mixamo, DeepMimic, VRM,
+// plain ("left_hip") spellings, and the segments of our own BVH files. Throws Error (kUnsupported) listing the joints not found and
 // the names that were there. About 0.3 ms per frame.
 Eigen::MatrixXd Retarget(const Skeleton& skeleton, const SourceMotion& source,
                          RetargetSummary* summary = nullptr);

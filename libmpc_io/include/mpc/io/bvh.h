@@ -56,6 +56,15 @@ BvhMotion ReadBvh(const std::filesystem::path& path);
 std::vector<Eigen::Isometry3d> BvhJointTransforms(const BvhMotion& motion, int frame);
 Eigen::Matrix3Xd BvhJointPositions(const BvhMotion& motion, int frame);
 
+// The paths of all joints and end sites (named after their joint, with "_end") in frames
+// [begin, end): B + number of end sites. Throws Error (kInvalidArgument) for frames out of range.
+struct BvhJointPaths {
+  std::vector<std::string> names;
+  std::vector<int> parents;                 // an earlier one or -1
+  std::vector<Eigen::Matrix3Xd> positions;  // per frame, one column each
+};
+BvhJointPaths JointPathsOf(const BvhMotion& motion, int begin, int end);
+
 // Lengths with 7, angles with 6 decimals. Throws Error: kInvalidArgument, kWriteFailed.
 void WriteBvh(const std::filesystem::path& path, const BvhMotion& motion);
 

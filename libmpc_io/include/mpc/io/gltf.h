@@ -28,13 +28,15 @@ struct GltfPerformance {
   std::vector<double> times_s;  // F, strictly increasing, from 0 or later; the video's own times
   std::vector<std::vector<Eigen::Affine3d>> scene_from_bone;  // F x B
   std::optional<Camera> camera;                               // intrinsics
-  Eigen::Isometry3d scene_from_camera = Eigen::Isometry3d::Identity();
+  // Where the camera is: one place, or F of a moving camera. Needed with `camera`.
+  std::vector<Eigen::Isometry3d> scene_from_camera = {Eigen::Isometry3d::Identity()};
 };
 
 // Writes a .glb: the source's nodes, names, skin, materials, textures and images as they are, its
 // animations replaced by one named "performance" with linear keys at times_s (rotation of every
 // bone; translation of the roots and of bones that move in their parent by more than 2 um; scale
-// where it changes by more than 1e-4), and the camera as a node. glTF cameras have no principal
+// where it changes by more than 1e-4), and the camera as a node,
+// animated when it moves. glTF cameras have no principal
 // point and no distortion: the exact intrinsics are in the node's extras.mpc_camera.
 //
 // `rig` is what ReadRigGltf(source) returned, or the same with other proportions: then positions,

@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -20,7 +21,8 @@ struct SceneFrame {};  // right-handed, y up, floor at y = 0, metres
 struct WorldPlacement {
   // With extrinsics the camera file's world, else the scene: the origin on the floor under the
   // camera, which looks towards -z.
-  Rigid<WorldFrame, CameraFrame> world_from_camera;
+  Rigid<WorldFrame, CameraFrame> world_from_camera;  // of a moving camera: in the first frame
+  std::vector<Rigid<WorldFrame, CameraFrame>> moving_world_from_camera;  // F; empty: it stands
   Rigid<SceneFrame, WorldFrame> scene_from_world;
   Eigen::Vector3d up_in_camera = -Eigen::Vector3d::UnitY();  // unit, as used
   int num_upright_frames = 0;         // frames that showed where up is; 0: the picture's up
@@ -29,13 +31,24 @@ struct WorldPlacement {
   Rigid<SceneFrame, CameraFrame> scene_from_camera() const {
     return scene_from_world * world_from_camera;
   }
+  // In frame f.
+  const Rigid<WorldFrame, CameraFrame>& WorldFromCamera(Eigen::Index f) const {
+    return moving_world_from_camera.empty() ? world_from_camera
+                                            : moving_world_from_camera[static_cast<size_t>(f)];
+  }
+  Rigid<SceneFrame, CameraFrame> SceneFromCamera(Eigen::Index f) const {
+    return scene_from_world * WorldFromCamera(f);
+  }
 };
 
 // Up is the robust mean direction from the ankles to the trunk over the frames that stand upright;
 // with extrinsics it snaps to the world's nearest axis within 25 degrees. The floor lies at the
 // 20th percentile over the frames of the mesh's lowest point. `poses` are N x F in the camera
-// frame. O(F V); the result does not depend on num_threads.
+// frame. `motion` is where a moving camera is in each frame, in place of the camera's own
+// extrinsics; empty: it stands. Throws Error (kMismatch) when it has another length than F.
+// O(F V); the result does not depend on num_threads.
 WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,
-                            const Camera& camera, int num_threads = 0);
+                            const Camera& camera, std::span<const CameraFromWorld> motion = {},
+                            int num_threads = 0);
 
 }  // namespace mpc

@@ -1,0 +1,37 @@
+// Purpose: the rows of the ablation: what each stage of the method gives for a clip.
+// Source: paper, Results, "Evaluation of Algorithmic Components".
+// Frames: poses in the camera frame. Symbols: N dofs, F frames.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <map>
+#include <span>
+#include <string>
+
+#include "bench_suite.h"
+#include "mpc/skeleton/character.h"
+
+namespace monoperfcap {
+
+struct StageOutput {
+  mpc::Character character;  // with the proportions that the stage found
+  Eigen::MatrixXd poses;     // N x F
+  // Vertices of a frame, of a stage that deforms the surface; empty: the skinned character.
+  std::function<void(int, Eigen::Matrix3Xf*)> vertices;
+  double seconds = 0;  // of processor time, all threads together, from the detections on
+};
+
+using StageOutputs = std::map<std::string, StageOutput>;  // by key, of the stages before
+
+struct Stage {
+  const char* key;
+  const char* name;
+  // nullptr: does not exist yet; its row stays empty.
+  StageOutput (*run)(const BenchClip& clip, const StageOutputs& before);
+};
+
+// In the order of the table.
+std::span<const Stage> Stages();
+
+}  // namespace monoperfcap

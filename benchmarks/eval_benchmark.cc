@@ -1,0 +1,67 @@
+// Speed of synthetic clips: a 720p picture of a walking actor in a room with a handheld camera, on one
+// core. Baseline: the same actor alone, once per pixel, without light (ShadeMesh).
+#include <benchmark/benchmark.h>
+
+#include "mpc/eval/dressed_actor.h"
+#include "mpc/eval/motions.h"
+#include "mpc/eval/synthetic_performance.h"
+#include "mpc/render/lit_scene.h"
+#include "mpc/render/shade.h"
+#include "mpc/skeleton/rig_map.h"
+
+namespace {
+
+struct Clip {
+  mpc::RigAsset rig = mpc::MakeDressedActor().rig;
+  mpc::Character character = mpc::BuildCharacter(rig, mpc::MapRigByNames(rig));
+  mpc::SyntheticPerformance performance;
+
+  explicit Clip(int samples) {
+    mpc::PerformanceOptions options;
+    options.camera.width = 1280;
+    options.camera.height = 720;
+    options.camera.motion = mpc::CameraMotion::kHandheld;
+    options.scene.samples = samples;
+    const Eigen::MatrixXd poses =
+        mpc::MakeMotion(character.skeleton, mpc::MotionKind::kWalk, 0.1, 30);
+    performance = mpc::MakePerformance(
+        character, mpc::ActWithSkinning(character, poses, 30, /*num_threads=*/1), options);
+  }
+  mpc::SceneMoment Moment(int frame) const {
+    return {performance.acting.vertices[static_cast<size_t>(frame)], performance.camera.At(frame)};
+  }
+};
+
+void BM_Picture720p(benchmark::State& state) {
+  const Clip clip(static_cast<int>(state.range(0)));
+  const auto scene = mpc::MakeScene(clip.performance, clip.rig, clip.character);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(scene->Picture(clip.performance.camera.camera, clip.Moment(0),
+                                            clip.Moment(1), clip.Moment(2), 1, 30));
+  }
+}
+BENCHMARK(BM_Picture720p)->ArgName("samples")->Arg(1)->Arg(4)->Unit(benchmark::kMillisecond);
+
+void BM_Mask720p(benchmark::State& state) {
+  const Clip clip(1);
+  const auto scene = mpc::MakeScene(clip.performance, clip.rig, clip.character);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(scene->Mask(clip.performance.camera.camera, clip.Moment(1)));
+  }
+}
+BENCHMARK(BM_Mask720p)->Unit(benchmark::kMillisecond);
+
+void BM_ActorAloneUnlit720p(benchmark::State& state) {
+  const Clip clip(1);
+  const Eigen::Matrix3Xf x =
+      mpc::ToCamera(clip.Moment(1).camera_from_world, clip.Moment(1).vertices);
+  cv::Mat picture = cv::Mat::zeros(720, 1280, CV_8UC3);
+  for (auto _ : state) {
+    mpc::ShadeMesh(clip.performance.camera.camera, x, clip.character.mesh.triangles, {}, 1,
+                   &picture);
+    benchmark::DoNotOptimize(picture.data);
+  }
+}
+BENCHMARK(BM_ActorAloneUnlit720p)->Unit(benchmark::kMillisecond);
+
+}  // namespace

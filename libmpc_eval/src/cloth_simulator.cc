@@ -1,0 +1,145 @@
+#include "cloth_simulator.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace mpc {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kGravity = 9.81;
+constexpr double kAirDragPerS = 0.9;         // of cloth that hangs free
+constexpr double kLayerDragPerS = 12;        // of cloth that lies on the body, against the body
+constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
+constexpr double kBendCompliance = 4e-4;
+constexpr double kThickness = 0.007;  // distance kept from colliders
+constexpr double kFloor = 0.003;
+constexpr double kFriction = 0.35;
+constexpr double kMaxSpeed = 25;
+
+}  // namespace
+
+ClothSimulator::ClothSimulator(const ClothModel& model, const Eigen::Matrix3Xd& positions,
+                               const CapsuleSet& colliders)
+    : model_(model),
+      positions_(positions),
+      previous_(positions),
+      velocities_(Eigen::Matrix3Xd::Zero(3, positions.cols())),
+      targets_before_(positions),
+      colliders_before_(colliders) {}
+
+void ClothSimulator::Step(double step_s, const Eigen::Matrix3Xd& targets,
+                          const CapsuleSet& colliders) {
+  Predict(step_s, targets);
+  Satisfy(model_.bend, kBendCompliance, step_s);
+  Satisfy(model_.stretch, kStretchCompliance, step_s);
+  for (const ClothModel::Link& tether : model_.tethers) {
+    const Vector3d reach = positions_.col(tether.b) - positions_.col(tether.a);
+    const double length = reach.norm();
+    if (length > tether.rest_m) {
+      positions_.col(tether.b) = positions_.col(tether.a) + tether.rest_m / length * reach;
+    }
+  }
+  LimitReach(targets);
+  Collide(colliders);
+  velocities_ = (positions_ - previous_) / step_s;
+  for (Eigen::Index p = 0; p < velocities_.cols(); ++p) {
+    const double speed = velocities_.col(p).norm();
+    if (speed > kMaxSpeed) velocities_.col(p) *= kMaxSpeed / speed;
+  }
+  targets_before_ = targets;
+  colliders_before_ = colliders;
+}
+
+void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets) {
+  const double air = std::exp(-kAirDragPerS * step_s);
+  const double layer = std::exp(-kLayerDragPerS * step_s);
+  previous_ = positions_;
+  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+    if (model_.freedom_m[p] == 0) {
+      positions_.col(p) = targets.col(p);
+      continue;
+    }
+    Vector3d v = velocities_.col(p);
+    v.y() -= kGravity * step_s;
+    if (std::isinf(model_.freedom_m[p])) {
+      v *= air;
+    } else {
+      const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
+      v = body + layer * (v - body);
+    }
+    positions_.col(p) += step_s * v;
+  }
+}
+
+void ClothSimulator::Satisfy(const std::vector<ClothModel::Link>& links, double compliance,
+                             double step_s) {
+  const double alpha = compliance / (step_s * step_s);
+  for (const ClothModel::Link& link : links) {
+    const double mass_a = model_.freedom_m[link.a] > 0 ? 1 : 0;  // inverse masses
+    const double mass_b = model_.freedom_m[link.b] > 0 ? 1 : 0;
+    if (mass_a + mass_b == 0) continue;
+    const Vector3d d = positions_.col(link.b) - positions_.col(link.a);
+    const double length = d.norm();
+    if (length < 1e-9) continue;
+    const double lambda = (length - link.rest_m) / (mass_a + mass_b + alpha);  // Eq. 18
+    const Vector3d move = lambda / length * d;
+    positions_.col(link.a) += mass_a * move;
+    positions_.col(link.b) -= mass_b * move;
+  }
+}
+
+void ClothSimulator::LimitReach(const Eigen::Matrix3Xd& targets) {
+  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+    if (std::isinf(model_.freedom_m[p])) continue;
+    const Vector3d away = positions_.col(p) - targets.col(p);
+    const double distance = away.norm();
+    if (distance > model_.freedom_m[p]) {
+      positions_.col(p) = targets.col(p) + model_.freedom_m[p] / distance * away;
+    }
+  }
+}
+
+void ClothSimulator::Collide(const CapsuleSet& colliders) {
+  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+    if (model_.freedom_m[p] == 0) continue;
+    Vector3d x = positions_.col(p);
+    if (model_.collides[p]) {
+      for (size_t c = 0; c < colliders.size(); ++c) {
+        const Capsule& capsule = colliders[c];
+        const Vector3d along = capsule.b - capsule.a;
+        const double squared = along.squaredNorm();
+        const double s =
+            squared > 0 ? std::clamp(along.dot(x - capsule.a) / squared, 0.0, 1.0) : 0.0;
+        const Vector3d out = x - capsule.a - s * along;
+        const double radius =
+            capsule.radius_a + s * (capsule.radius_b - capsule.radius_a) + kThickness;
+        const double distance_squared = out.squaredNorm();
+        if (distance_squared >= radius * radius || distance_squared < 1e-18) continue;
+        const double distance = std::sqrt(distance_squared);
+        const Vector3d normal = out / distance;
+        x += (radius - distance) * normal;
+        // Friction against the place of the body it lies on.
+        const Capsule& before = colliders_before_[c];
+        const Vector3d carried = (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
+        Vector3d slip = x - previous_.col(p) - carried;
+        slip -= slip.dot(normal) * normal;
+        const double slipped = slip.norm();
+        if (slipped > 0) x -= std::min(1.0, kFriction * (radius - distance) / slipped) * slip;
+      }
+    }
+    x.y() = std::max(x.y(), kFloor);
+    positions_.col(p) = x;
+  }
+}
+
+double ClothSimulator::KineticEnergy() const {
+  double sum = 0;
+  for (Eigen::Index p = 0; p < velocities_.cols(); ++p) {
+    if (model_.freedom_m[p] > 0) sum += 0.5 * velocities_.col(p).squaredNorm();
+  }
+  return sum;
+}
+
+}  // namespace mpc

@@ -1,0 +1,213 @@
+#include "mpc/eval/synthetic_scene.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+
+#include "actor_surface.h"
+#include "mesh_parts.h"
+#include "mpc/core/error.h"
+#include "mpc/render/lit_scene.h"
+#include "mpc/render/raster.h"
+#include "place.h"
+#include "sensor_noise.h"
+
+namespace mpc {
+namespace {
+
+constexpr int kPlaceShadowPx = 1024;
+constexpr int kActorShadowPx = 512;
+constexpr double kLampRadius = 0.008;  // of its distance: half a degree, a little more than the sun
+
+// The i-th number of a sequence that fills [0, 1) evenly (van der Corput).
+double Even(int i, int base) {
+  double value = 0, digit = 1.0 / base;
+  for (; i > 0; i /= base, digit /= base) value += digit * (i % base);
+  return value;
+}
+
+// One of the pictures that are averaged.
+struct Sample {
+  double pixel_x, pixel_y;  // offset inside the pixel, -0.5 to 0.5
+  double lamp_x, lamp_y;    // on the lamp, -1 to 1
+  double time;              // in shutter times, -0.5 to 0.5
+};
+
+// Times in order, each sample in its own cell of the pixel and of the lamp.
+Sample MakeSample(int i, int count) {
+  Sample sample;
+  sample.time = (i + 0.5) / count - 0.5;
+  sample.pixel_x = Even(i, 2) + 0.5 / count - 0.5;
+  sample.pixel_y = Even(i, 3) + 0.5 / count - 0.5;
+  if (count == 1) sample.pixel_x = sample.pixel_y = 0;
+  const double angle = 2 * std::numbers::pi * (i + 0.25) / count;
+  sample.lamp_x = std::cos(angle);
+  sample.lamp_y = std::sin(angle);
+  return sample;
+}
+
+SceneMoment Between(const SceneMoment& a, const SceneMoment& b, double t) {
+  SceneMoment moment;
+  const auto s = static_cast<float>(t);
+  moment.vertices = (1 - s) * a.vertices + s * b.vertices;
+  const CameraFromWorld &from = a.camera_from_world, &to = b.camera_from_world;
+  const Eigen::Matrix3d turn = to.rotation * from.rotation.transpose();
+  moment.camera_from_world.rotation = ExpSO3(t * LogSO3(turn)) * from.rotation;
+  // The centre moves on a straight line.
+  const Eigen::Vector3d centre =
+      (1 - t) * from.Inverse().translation + t * to.Inverse().translation;
+  moment.camera_from_world.translation = -(moment.camera_from_world.rotation * centre);
+  return moment;
+}
+
+// The moment `t` frames after `current`, -0.5 <= t <= 0.5.
+SceneMoment Around(const SceneMoment& previous, const SceneMoment& current, const SceneMoment& next,
+                   double t) {
+  if (t == 0) return current;
+  return t < 0 ? Between(current, previous, -t) : Between(current, next, t);
+}
+
+std::vector<const TriangleMesh*> Bodies(const std::vector<LitMesh>& meshes) {
+  std::vector<const TriangleMesh*> bodies;
+  for (const LitMesh& lit : meshes) bodies.push_back(&lit.mesh);
+  return bodies;
+}
+
+}  // namespace
+
+std::string_view PlaceName(PlaceKind kind) {
+  switch (kind) {
+    case PlaceKind::kRoom:
+      return "room";
+    case PlaceKind::kStreet:
+      return "street";
+    case PlaceKind::kPark:
+      return "park";
+  }
+  return "";
+}
+
+void SceneOptions::Validate() const {
+  std::string faults;
+  const auto check = [&](const char* name, double value, double least, double most) {
+    if (value >= least && value <= most) return;
+    faults += fmt::format("{}{} is {}, expected {} to {}", faults.empty() ? "" : "; ", name, value,
+                          least, most);
+  };
+  check("shutter", shutter, 0, 1);
+  check("samples", samples, 1, 64);
+  check("sensor_noise", sensor_noise, 0, 100);
+  if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "synthetic scene: " + faults);
+}
+
+struct SyntheticScene::Impl {
+  SceneOptions options;
+  ActorSurface actor;
+  Place place;
+  TriangleMesh occluders;
+  std::vector<Sample> samples;
+  std::vector<Eigen::Vector3d> lamps;    // per sample, world
+  std::vector<ShadowMap> place_shadows;  // per sample
+
+  Impl(const SceneOptions& scene_options, const StageBounds& stage, const RigAsset& rig,
+       const Character& character)
+      : options(scene_options),
+        actor(rig, character, scene_options.seed),
+        place(MakePlace(scene_options, stage)) {
+    if (!place.occluders.empty()) {
+      std::vector<LitMesh> plain = place.occluders;
+      occluders = Merged(plain).mesh;
+    }
+    std::vector<const TriangleMesh*> casters = Bodies(place.occluders);
+    for (const size_t i : place.casts) casters.push_back(&place.standing[i].mesh);
+    const Eigen::Vector3d lamp = place.lighting.lamp_in_world;
+    const Eigen::Matrix3d world_from_lamp = CameraFromRay(lamp);
+    for (int i = 0; i < options.samples; ++i) {
+      samples.push_back(MakeSample(i, options.samples));
+      const Eigen::Vector3d offset(samples.back().lamp_x, samples.back().lamp_y, 0);
+      lamps.push_back(lamp + kLampRadius * lamp.norm() * (world_from_lamp * offset));
+      place_shadows.push_back(MakeShadowMap(lamps.back(), casters, kPlaceShadowPx));
+    }
+  }
+
+  void AddSample(const Camera& camera, const SceneMoment& moment, double seconds, size_t i,
+                 cv::Mat* sum) const {
+    const std::vector<LitMesh> body = actor.At(moment.vertices);
+    std::vector<LitMesh> moving;
+    for (const Mover& mover : place.movers) moving.push_back(mover.At(seconds));
+    std::vector<ShadowMap> shadows;
+    shadows.push_back(MakeShadowMap(lamps[i], Bodies(body), kActorShadowPx));
+    for (const LitMesh& mover : moving) {
+      const TriangleMesh* one[] = {&mover.mesh};
+      shadows.push_back(MakeShadowMap(lamps[i], one, kActorShadowPx / 2));
+    }
+    const ContactMap contact = MakeContactMap(Bodies(body));
+
+    LitScene scene;
+    scene.lighting = place.lighting;
+    scene.contact = &contact;
+    scene.shadows.push_back(&place_shadows[i]);
+    for (const ShadowMap& map : shadows) scene.shadows.push_back(&map);
+    for (const LitMesh& lit : place.standing) scene.place.push_back(&lit);
+    for (const LitMesh& lit : moving) scene.place.push_back(&lit);
+    for (const LitMesh& lit : body) scene.bodies.push_back(&lit);
+    for (const LitMesh& lit : place.occluders) scene.bodies.push_back(&lit);
+
+    Camera shifted = camera;
+    shifted.has_extrinsics = true;
+    shifted.camera_from_world = moment.camera_from_world;
+    // A sample at +x inside the pixel sees what the pixel at +x would.
+    shifted.cx -= samples[i].pixel_x;
+    shifted.cy -= samples[i].pixel_y;
+    AddLitPicture(shifted, scene, sum);
+  }
+};
+
+SyntheticScene::SyntheticScene(const SceneOptions& options, const StageBounds& stage,
+                               const RigAsset& rig, const Character& character) {
+  options.Validate();
+  impl_ = std::make_unique<Impl>(options, stage, rig, character);
+}
+
+SyntheticScene::~SyntheticScene() = default;
+
+cv::Mat SyntheticScene::Picture(const Camera& camera, const SceneMoment& previous,
+                                const SceneMoment& current, const SceneMoment& next, int frame,
+                                double fps) const {
+  cv::Mat sum = cv::Mat::zeros(camera.height, camera.width, CV_32FC4);
+  for (size_t i = 0; i < impl_->samples.size(); ++i) {
+    const double t = impl_->options.shutter * impl_->samples[i].time;
+    impl_->AddSample(camera, Around(previous, current, next, t), (frame + t) / fps, i, &sum);
+  }
+  cv::Mat picture = Developed(sum, impl_->options.samples);
+  AddSensorNoise(impl_->options.sensor_noise, impl_->options.seed, frame, &picture);
+  return picture;
+}
+
+cv::Mat SyntheticScene::Mask(const Camera& camera, const SceneMoment& moment) const {
+  Camera there = camera;
+  there.camera_from_world = moment.camera_from_world;
+  const Eigen::Matrix3Xf actor = ToCamera(moment.camera_from_world, moment.vertices);
+  const Triangles& triangles = impl_->actor.triangles();
+  cv::Mat mask = cv::Mat::zeros(camera.height, camera.width, CV_8UC1);
+  const cv::Rect bounds = ProjectedBounds(there, actor);
+  if (bounds.empty()) return mask;
+  const Camera crop = CroppedTo(there, bounds);
+  RasterBuffers seen, hiding;
+  RasterizeMesh(crop, actor, triangles, {}, &seen);
+  cv::Mat visible = seen.triangle_id >= 0;
+  if (impl_->occluders.triangles.cols() > 0) {
+    RasterizeMesh(crop, ToCamera(moment.camera_from_world, impl_->occluders.positions),
+                  impl_->occluders.triangles, {}, &hiding);
+    visible &= (hiding.triangle_id < 0) | (hiding.depth >= seen.depth);
+  }
+  visible.copyTo(mask(bounds));
+  return mask;
+}
+
+const TriangleMesh& SyntheticScene::occluders() const { return impl_->occluders; }
+
+}  // namespace mpc

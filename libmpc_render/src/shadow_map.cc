@@ -1,0 +1,168 @@
+#include "mpc/render/shadow_map.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+#include "mpc/core/error.h"
+#include "mpc/render/raster.h"
+
+namespace mpc {
+namespace {
+
+constexpr double kCellM = 0.025;        // of a contact map
+constexpr double kBelowFloorM = 30;     // from where it is looked at: nearly parallel rays
+constexpr double kContactReachM = 0.1;  // height at which a body's darkness has fallen to 1 / e
+constexpr double kContactBlurM = 0.04;
+constexpr float kContactStrength = 0.75f;
+
+// The bodies as one mesh.
+TriangleMesh Joined(std::span<const TriangleMesh* const> bodies) {
+  Eigen::Index num_vertices = 0, num_triangles = 0;
+  for (const TriangleMesh* body : bodies) {
+    num_vertices += body->positions.cols();
+    num_triangles += body->triangles.cols();
+  }
+  TriangleMesh joined;
+  joined.positions.resize(3, num_vertices);
+  joined.triangles.resize(3, num_triangles);
+  Eigen::Index v = 0, t = 0;
+  for (const TriangleMesh* body : bodies) {
+    joined.positions.middleCols(v, body->positions.cols()) = body->positions;
+    joined.triangles.middleCols(t, body->triangles.cols()) =
+        body->triangles.array() + static_cast<int>(v);
+    v += body->positions.cols();
+    t += body->triangles.cols();
+  }
+  return joined;
+}
+
+}  // namespace
+
+ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
+                        std::span<const TriangleMesh* const> bodies, int side_px) {
+  ShadowMap map;
+  const TriangleMesh mesh = Joined(bodies);
+  if (mesh.triangles.cols() == 0) return map;
+  const Eigen::Vector3d least = mesh.positions.rowwise().minCoeff().cast<double>();
+  const Eigen::Vector3d most = mesh.positions.rowwise().maxCoeff().cast<double>();
+  const Eigen::Vector3d centre = (least + most) / 2;
+  const double radius = (most - least).norm() / 2;
+  const Eigen::Vector3d to_centre = centre - lamp_in_world;
+  if (!(to_centre.norm() > 1.05 * radius)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("a lamp {:.3g} m from the middle of bodies with a radius of {:.3g} m",
+                            to_centre.norm(), radius));
+  }
+  const Eigen::Matrix3d rotation = CameraFromRay(to_centre).transpose();
+  const Eigen::Matrix3Xf in_lamp = (rotation.cast<float>() * mesh.positions).colwise() -
+                                   (rotation * lamp_in_world).cast<float>();
+  // One texel more all around, so that the border of the map is lit.
+  const Eigen::Array2d reach =
+      (in_lamp.topRows<2>().array().abs().rowwise() / in_lamp.row(2).array())
+          .rowwise()
+          .maxCoeff()
+          .cast<double>();
+  Camera& lamp = map.lamp;
+  lamp.name = "lamp";
+  lamp.width = lamp.height = side_px;
+  lamp.cx = lamp.cy = 0.5 * (side_px - 1);
+  lamp.fx = (lamp.cx - 2) / std::max(reach.x(), 1e-6);
+  lamp.fy = (lamp.cy - 2) / std::max(reach.y(), 1e-6);
+  lamp.camera_from_world = {rotation, -(rotation * lamp_in_world)};
+  lamp.has_extrinsics = true;
+  RasterBuffers buffers;
+  RasterizeMesh(lamp, in_lamp, mesh.triangles, {}, &buffers);
+  map.depth = buffers.depth;
+  return map;
+}
+
+LampView::LampView(const ShadowMap& map, const CameraFromWorld& camera_from_world)
+    : depth_(&map.depth), last_(static_cast<float>(map.lamp.width - 1)) {
+  const Camera& lamp = map.lamp;
+  Eigen::Matrix3d pixel_from_lamp;
+  pixel_from_lamp << lamp.fx, 0, lamp.cx, 0, lamp.fy, lamp.cy, 0, 0, 1;
+  const CameraFromWorld& pose = lamp.camera_from_world;
+  const Eigen::Matrix3d rotation = pose.rotation * camera_from_world.rotation.transpose();
+  pixel_from_point_ = (pixel_from_lamp * rotation).cast<float>();
+  offset_ = (pixel_from_lamp * (pose.translation - rotation * camera_from_world.translation))
+                .cast<float>();
+}
+
+bool LampView::Misses(const Eigen::Matrix3f& corners) const {
+  // The map's four sides are planes through the lamp.
+  const Eigen::Matrix3f p = (pixel_from_point_ * corners).colwise() + offset_;
+  const Eigen::Array3f x = p.row(0), y = p.row(1), limit = last_ * p.row(2);
+  return (x < 0).all() || (y < 0).all() || (x >= limit).all() || (y >= limit).all();
+}
+
+float LampView::InMap(const Eigen::Vector3f& p) const {
+  const float u = p.x() / p.z(), v = p.y() / p.z();
+  const int column = std::min(static_cast<int>(u), depth_->cols - 2);
+  const int row = std::min(static_cast<int>(v), depth_->rows - 2);
+  const float fx = u - static_cast<float>(column), fy = v - static_cast<float>(row);
+  const float nearest = p.z() - kShadowBiasM;
+  const auto lit = [nearest](float depth) { return depth == 0 || depth >= nearest ? 1.0f : 0.0f; };
+  const float* above = depth_->ptr<float>(row) + column;
+  const float* below = depth_->ptr<float>(row + 1) + column;
+  return (1 - fy) * ((1 - fx) * lit(above[0]) + fx * lit(above[1])) +
+         fy * ((1 - fx) * lit(below[0]) + fx * lit(below[1]));
+}
+
+float ContactMap::At(float x, float z) const {
+  const float u = (x - x_begin) * per_cell, v = (z - z_begin) * per_cell;
+  if (!(u >= 0 && v >= 0 && u < static_cast<float>(darkness.cols - 1) &&
+        v < static_cast<float>(darkness.rows - 1))) {
+    return 0;
+  }
+  const int column = static_cast<int>(u), row = static_cast<int>(v);
+  const float fx = u - static_cast<float>(column), fy = v - static_cast<float>(row);
+  const float* above = darkness.ptr<float>(row) + column;
+  const float* below = darkness.ptr<float>(row + 1) + column;
+  return (1 - fy) * ((1 - fx) * above[0] + fx * above[1]) +
+         fy * ((1 - fx) * below[0] + fx * below[1]);
+}
+
+ContactMap MakeContactMap(std::span<const TriangleMesh* const> bodies) {
+  ContactMap map;
+  const TriangleMesh mesh = Joined(bodies);
+  if (mesh.triangles.cols() == 0) return map;
+  const double margin = 0.3;
+  const Eigen::Vector3d least = mesh.positions.rowwise().minCoeff().cast<double>();
+  const Eigen::Vector3d most = mesh.positions.rowwise().maxCoeff().cast<double>();
+  const Eigen::Vector2d size = {most.x() - least.x() + 2 * margin,
+                                most.z() - least.z() + 2 * margin};
+  const Eigen::Vector2i cells = (size / kCellM).cast<int>().cwiseMin(1024).array() + 1;
+  // Looking straight up from below the floor: x to the right, z down the picture.
+  Camera camera;
+  camera.width = cells.x();
+  camera.height = cells.y();
+  camera.fx = camera.fy = kBelowFloorM / kCellM;
+  Eigen::Matrix3d rotation;
+  rotation << 1, 0, 0, 0, 0, 1, 0, 1, 0;  // a mirror image, which the rasteriser does not mind
+  const Eigen::Vector3d eye(least.x() - margin, -kBelowFloorM, least.z() - margin);
+  const Eigen::Matrix3Xf seen =
+      (rotation.cast<float>() * mesh.positions).colwise() - (rotation * eye).cast<float>();
+  RasterBuffers buffers;
+  RasterizeMesh(camera, seen, mesh.triangles, {}, &buffers);
+  map.darkness = cv::Mat::zeros(cells.y(), cells.x(), CV_32F);
+  for (int row = 0; row < cells.y(); ++row) {
+    for (int column = 0; column < cells.x(); ++column) {
+      const float depth = buffers.depth.at<float>(row, column);
+      if (depth == 0) continue;
+      const double height = std::max(0.0, depth - kBelowFloorM);
+      map.darkness.at<float>(row, column) =
+          kContactStrength * static_cast<float>(std::exp(-height / kContactReachM));
+    }
+  }
+  cv::GaussianBlur(map.darkness, map.darkness, {0, 0}, kContactBlurM / kCellM, 0,
+                   cv::BORDER_REPLICATE);
+  map.x_begin = static_cast<float>(eye.x());
+  map.z_begin = static_cast<float>(eye.z());
+  map.per_cell = static_cast<float>(1 / kCellM);
+  return map;
+}
+
+}  // namespace mpc

@@ -18,6 +18,7 @@ class CoarseMotion {
 
   // The normal equations of the patches' motions at a point, damped; `at` inside the domain.
   void Linearize(const WarpField& at);
+  bool ready() const { return normal_.size() > 0; }
 
   // product += the nodes' motion that answers x. Both 4 x 2M as in SurfaceStep.
   void Apply(const Eigen::Matrix<float, 4, Eigen::Dynamic>& x,
@@ -33,7 +34,7 @@ class CoarseMotion {
   int num_patches_ = 0;
   Eigen::Matrix3Xd levers_;  // 3xM, of the nodes about their patch's first
   Eigen::Matrix3Xf float_levers_;
-  Eigen::MatrixXd normal_;   // 6P x 6P
+  Eigen::MatrixXd normal_;  // 6P x 6P
   Eigen::LLT<Eigen::MatrixXf> factor_;
   Eigen::VectorXf motion_;  // 6P
 };

@@ -142,8 +142,8 @@ void DeformationGraphOptions::Validate() const {
     faults += fmt::format("; num_nodes is {}, expected 1 to {}", num_nodes, kMaxNodes);
   }
   if (max_influences < 1 || max_influences > kMaxInfluences) {
-    faults += fmt::format("; max_influences is {}, expected 1 to {}", max_influences,
-                          kMaxInfluences);
+    faults +=
+        fmt::format("; max_influences is {}, expected 1 to {}", max_influences, kMaxInfluences);
   }
   if (!faults.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "deformation graph options: " + faults.substr(2));

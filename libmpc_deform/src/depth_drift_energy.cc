@@ -7,8 +7,7 @@ namespace mpc {
 
 DepthDriftEnergy::DepthDriftEnergy(const Eigen::Matrix3Xd& nodes, double weight) {
   if (weight == 0) return;
-  const double scale =
-      kMillimetresPerMetre * std::sqrt(weight / static_cast<double>(nodes.cols()));
+  const double scale = kMillimetresPerMetre * std::sqrt(weight / static_cast<double>(nodes.cols()));
   scaled_rays_ = scale * nodes.colwise().normalized();
   node_index_.resize(nodes.cols());
   std::iota(node_index_.begin(), node_index_.end(), 0);

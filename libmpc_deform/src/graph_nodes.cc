@@ -98,9 +98,7 @@ float Spacing(const Eigen::Matrix3Xf& positions, const GraphNodes& nodes, int nu
   }
   std::vector<float> lengths;
   for (const auto& [i, j] : nodes.edges) {
-    lengths.push_back((positions.col(nodes.vertices[i]) -
-                       positions.col(nodes.vertices[j]))
-                          .norm());
+    lengths.push_back((positions.col(nodes.vertices[i]) - positions.col(nodes.vertices[j])).norm());
   }
   const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
   std::nth_element(lengths.begin(), middle, lengths.end());

@@ -17,17 +17,18 @@ void CheckSizes(const DeformationGraph& graph, const Eigen::Matrix3Xf& posed,
   const int count = correspondences.size();
   if (posed.cols() != graph.num_vertices() || correspondences.targets.cols() != count ||
       correspondences.normals.cols() != count || correspondences.weights.size() != count) {
-    throw Error(ErrorCode::kInvalidArgument,
-                fmt::format("surface energy: {} vertices for a graph of {}, {} correspondences with "
-                            "{} targets, {} normals and {} weights",
-                            posed.cols(), graph.num_vertices(), count,
-                            correspondences.targets.cols(), correspondences.normals.cols(),
-                            correspondences.weights.size()));
+    throw Error(
+        ErrorCode::kInvalidArgument,
+        fmt::format("surface energy: {} vertices for a graph of {}, {} correspondences with "
+                    "{} targets, {} normals and {} weights",
+                    posed.cols(), graph.num_vertices(), count, correspondences.targets.cols(),
+                    correspondences.normals.cols(), correspondences.weights.size()));
   }
   for (const int v : correspondences.vertices) {
     if (v >= 0 && v < posed.cols()) continue;
-    throw Error(ErrorCode::kInvalidArgument,
-                fmt::format("surface energy: a correspondence of vertex {} of {}", v, posed.cols()));
+    throw Error(
+        ErrorCode::kInvalidArgument,
+        fmt::format("surface energy: a correspondence of vertex {} of {}", v, posed.cols()));
   }
   if (correspondences.num_boundary < count) {
     throw Error(ErrorCode::kInvalidArgument,
@@ -72,8 +73,8 @@ bool SurfaceContourEnergy::Evaluate(const WarpField& at, int block, double* r,
   const Pair& pair = pairs_[block];
   Eigen::Vector3d moved = pair.posed;
   for (int k = pair.begin; k < pair.begin + pair.count; ++k) {
-    moved += shares_[k] * (at.rotations[nodes_[k]] * levers_[k] - levers_[k] +
-                           at.translations.col(nodes_[k]));
+    moved += shares_[k] *
+             (at.rotations[nodes_[k]] * levers_[k] - levers_[k] + at.translations.col(nodes_[k]));
   }
   Eigen::Vector2d pixel;
   Eigen::Matrix<double, 2, 3> by_point;
@@ -84,8 +85,7 @@ bool SurfaceContourEnergy::Evaluate(const WarpField& at, int block, double* r,
   jacobian->resize(1, 6 * pair.count);
   for (int k = 0; k < pair.count; ++k) {
     const Eigen::Vector3d share = shares_[pair.begin + k] * gradient;
-    const Eigen::Vector3d lever =
-        at.rotations[nodes_[pair.begin + k]] * levers_[pair.begin + k];
+    const Eigen::Vector3d lever = at.rotations[nodes_[pair.begin + k]] * levers_[pair.begin + k];
     jacobian->block<1, 3>(0, 6 * k) = lever.cross(share).transpose();
     jacobian->block<1, 3>(0, 6 * k + 3) = share.transpose();
   }

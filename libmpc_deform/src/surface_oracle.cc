@@ -46,8 +46,8 @@ class BlockCost : public ceres::CostFunction {
     for (size_t k = 0; k < nodes.size(); ++k) {
       if (jacobians[k] == nullptr) continue;
       const Eigen::Map<const Node> node(parameters[k]);
-      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> out(
-          jacobians[k], energy_.rows(), 6);
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, 6, Eigen::RowMajor>> out(jacobians[k],
+                                                                                energy_.rows(), 6);
       out = jacobian.middleCols<6>(6 * k);
       out.leftCols<3>() = out.leftCols<3>() * LeftJacobian(node.head<3>());
     }

@@ -77,12 +77,11 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
     }
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
                                  {arap_weight, options_.depth_drift_weight});
-    const SurfaceSolve solve = SolveSurface(problem, options_.relative_tolerance,
-                                            options_.max_steps, &result.field);
+    const SurfaceSolve solve =
+        SolveSurface(problem, options_.relative_tolerance, options_.max_steps, &result.field);
     if (result.state != RefinementState::kRefined) {
       result.state = RefinementState::kRefined;
-      result.support =
-          static_cast<double>(correspondences.size()) / correspondences.num_boundary;
+      result.support = static_cast<double>(correspondences.size()) / correspondences.num_boundary;
       result.cost_before = solve.initial_cost;
     }
     result.cost_after = solve.final_cost;

@@ -40,6 +40,7 @@ class SurfaceStep {
   const SurfaceProblem& problem_;
   CoarseMotion coarse_;
   std::vector<int> edge_begin_;                        // M+1: directed edges (i, j) by i
+  std::vector<int> edge_node_;                         // j
   std::vector<int> row_begin_;                         // of E_con
   Eigen::Matrix<double, 6, Eigen::Dynamic> gradient_;  // 6xM
   // The 6x6 blocks on the diagonal of J^T J: all of it, and without E_con, which Multiply applies

@@ -45,8 +45,8 @@ std::optional<Eigen::VectorXd> FitShape(const ClipEvidence& evidence,
   FrameSolveScratch scratch;
   for (const Eigen::VectorXd& start : starts) {
     Eigen::VectorXd pose = start;
-    const SolveSummary summary = SolveFrame(evidence.skeleton(), problem,
-                                            evidence.options().frame_solver, &pose, &scratch);
+    const SolveSummary summary =
+        SolveFrame(evidence.skeleton(), problem, evidence.options().frame_solver, &pose, &scratch);
     if (summary.final_cost < lowest) lowest = summary.final_cost, best = pose;
   }
   return best;

@@ -167,8 +167,8 @@ TEST(DeformationGraphTest, ComponentsHangTogether) {
   int crossing = 0;
   for (int i = 0; i < graph.num_nodes(); ++i) {
     for (int e = graph.neighbor_begin[i]; e < graph.neighbor_begin[i + 1]; ++e) {
-      crossing += (graph.node_vertices[i] < trunk) !=
-                  (graph.node_vertices[graph.neighbors[e]] < trunk);
+      crossing +=
+          (graph.node_vertices[i] < trunk) != (graph.node_vertices[graph.neighbors[e]] < trunk);
     }
   }
   EXPECT_EQ(crossing, 2);

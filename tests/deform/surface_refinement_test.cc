@@ -43,9 +43,6 @@ TEST_F(SurfaceRefinementTest, FindsAKnownDeformation) {
   ASSERT_EQ(refined.state, RefinementState::kRefined);
   const double before = MeanError_mm(Person().posed, Person().truth);
   const double after = MeanError_mm(refined.vertices, Person().truth);
-  printf("IoU %.4f -> %.4f, error %.2f -> %.2f mm, support %.3f, cost %.3f -> %.3f, steps %d\n",
-         Iou(Person().posed), Iou(refined.vertices), before, after, refined.support,
-         refined.cost_before, refined.cost_after, refined.num_steps);
   EXPECT_LT(Iou(Person().posed), 0.968);
   EXPECT_GT(Iou(refined.vertices), 0.97);
   EXPECT_LT(after, 0.75 * before);
@@ -62,9 +59,8 @@ TEST_F(SurfaceRefinementTest, DepthPriorKeepsNodesFromDrifting) {
   const SurfaceRefinement kept = Refine(mask), adrift = Refine(mask, without);
   const auto drift_mm = [](const SurfaceRefinement& refined) {
     return 1000 * (refined.vertices - Person().posed).row(2).cwiseAbs().maxCoeff();
-  };
-  printf("drift %.1f without %.1f mm; error %.2f without %.2f\n", drift_mm(kept),
-         drift_mm(adrift), MeanError_mm(kept.vertices, Person().truth),
+  }; error %.2f without %.2f\n", drift_mm(kept), drift_mm(adrift),
+         MeanError_mm(kept.vertices, Person().truth),
          MeanError_mm(adrift.vertices, Person().truth));
   EXPECT_LT(drift_mm(kept), 0.6 * drift_mm(adrift));
   EXPECT_LT(MeanError_mm(kept.vertices, Person().truth),

@@ -141,8 +141,8 @@ TEST_F(SurfaceSolverTest, TermsAreThoseOfThePaper) {
   for (int c = 0; c < correspondences_.size(); ++c) {
     Eigen::Vector2d pixel;
     ASSERT_TRUE(Project(camera_, warped.col(correspondences_.vertices[c]).cast<double>(), &pixel));
-    contour += std::pow(
-        correspondences_.normals.col(c).dot(pixel - correspondences_.targets.col(c)), 2);
+    contour +=
+        std::pow(correspondences_.normals.col(c).dot(pixel - correspondences_.targets.col(c)), 2);
   }
   contour /= correspondences_.num_boundary;
   EXPECT_NEAR(Problem({0.6, 2}).Cost(at), contour + 0.6 * arap + 2 * drift, 1e-4 * contour);
@@ -158,8 +158,8 @@ TEST_F(SurfaceSolverTest, RestAndRigidMotionsCostNothing) {
   Prepare(150);
   for (int c = 0; c < correspondences_.size(); ++c) {
     Eigen::Vector2d pixel;
-    ASSERT_TRUE(Project(
-        camera_, mesh_.positions.col(correspondences_.vertices[c]).cast<double>(), &pixel));
+    ASSERT_TRUE(
+        Project(camera_, mesh_.positions.col(correspondences_.vertices[c]).cast<double>(), &pixel));
     correspondences_.targets.col(c) = pixel;
   }
   EXPECT_LT(Problem().Cost(WarpField::Identity(graph_.num_nodes())), 1e-20);
@@ -188,9 +188,6 @@ TEST_F(SurfaceSolverTest, AsGoodAsTheOracle) {
     for (const Eigen::Matrix3d& rotation : field.rotations) {
       EXPECT_LT((rotation * rotation.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-9);
     }
-    printf("%g %g: start %.4f fast %.6f (%d) oracle %.6f (%d)\n", weights.arap,
-           weights.depth_drift, fast.initial_cost, fast.final_cost, fast.steps, oracle.final_cost,
-           oracle.steps);
   }
 }
 

@@ -22,8 +22,8 @@ namespace mpc {
 
 constexpr int kMaxBlockNodes = 16;
 
-using BlockJacobian = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 3,
-                                    6 * kMaxBlockNodes>;
+using BlockJacobian =
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor, 3, 6 * kMaxBlockNodes>;
 
 constexpr double kMillimetresPerMetre = 1000;
 

@@ -29,9 +29,8 @@ struct SurfaceProblem {
   int num_nodes;
 
   // posed: v^, 3xV in the camera frame. Throws Error (kInvalidArgument) for sizes that do not fit.
-  SurfaceProblem(const Camera& camera, const DeformationGraph& graph,
-                 const Eigen::Matrix3Xf& posed, const Correspondences& correspondences,
-                 const SurfaceWeights& weights);
+  SurfaceProblem(const Camera& camera, const DeformationGraph& graph, const Eigen::Matrix3Xf& posed,
+                 const Correspondences& correspondences, const SurfaceWeights& weights);
 
   // Infinite outside the energies' domain.
   double Cost(const WarpField& at) const;

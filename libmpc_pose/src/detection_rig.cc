@@ -82,6 +82,13 @@ Eigen::MatrixXd RigDetections(const ClipEvidence& evidence) {
     Eigen::VectorXd pose = shape ? *shape : Eigen::VectorXd(f > 0 ? poses.col(f - 1) : starts[0]);
     if (f > 0) pose.head<3>() = poses.col(f - 1).head<3>();
     FitPlace(evidence, observation, &pose);
+    if (shape && observation.points.size() >= kMinPoints) {
+      // Only now the ray through the hips is known, along which the 3D detection may be turned.
+      const Eigen::Vector3d hips = pose.head<3>();
+      const FrameObservation turned = evidence.Observe(f, SideSwap::kNone, &hips);
+      pose = FitShape(evidence, turned, {pose}).value_or(pose);
+      FitPlace(evidence, turned, &pose);
+    }
     poses.col(f) = pose;
   }
   if (first < 0) {

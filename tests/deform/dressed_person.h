@@ -7,7 +7,7 @@
 #include <opencv2/core.hpp>
 
 #include "deform/surface_meshes.h"
-#include "mpc/eval/procedural_actor.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/render/raster.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_map.h"
@@ -24,7 +24,7 @@ struct DressedPerson {
 
 inline DressedPerson MakeDressedPerson(double blown_m = 0.05, double bulge_m = 0.02) {
   DressedPerson person;
-  const RigAsset rig = ProceduralActor();
+  const RigAsset rig = MakeDressedActor({.outfit = Outfit::kTight}).rig;
   Character& character = person.character = BuildCharacter(rig, MapRigByNames(rig));
   const int body = person.first_of_skirt = static_cast<int>(character.mesh.positions.cols());
   // Tubes run along increasing y, the actor's up: the hem is at its start.

@@ -24,8 +24,8 @@ int RunCommandLine(int argc, char** argv) {
   CLI::App* const actor = app.add_subcommand("actor", "Look at an actor's rig");
   actor->require_subcommand(1);
   const std::vector<Command> commands = {AddCaptureCommand(&app), AddActorInfoCommand(actor),
-                                         AddSegmentCommand(&app), AddEvalCommand(&app),
-                                         AddSynthCommand(&app)};
+                                         AddSegmentCommand(&app), AddRenderCommand(&app),
+                                         AddEvalCommand(&app),    AddSynthCommand(&app)};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

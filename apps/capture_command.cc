@@ -20,6 +20,7 @@ struct Arguments {
   double fov_deg = 0;
   std::string preset = "default";
   std::string fit_proportions;
+  std::string surface = "key";
   double height_m = 0;
   int num_threads = 0;
   bool no_overlay = false;
@@ -47,6 +48,8 @@ mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   options.overlay = !arguments.no_overlay;
   options.masks = !arguments.no_masks;
   options.refinement.frames.level = kLevels.at(arguments.refine);
+  if (arguments.surface == "none") options.surface = mpc::SurfaceTargets::kNone;
+  if (arguments.surface == "full") options.surface = mpc::SurfaceTargets::kFull;
   return options;
 }
 
@@ -66,6 +69,14 @@ void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) 
                                 num_seen > 0 ? residual_px / num_seen : 0.0, num_seen)
                         .c_str());
   std::printf("%s", RefinementSummary(report.refinement).c_str());
+  const mpc::GltfSurfaceError& surface = report.surface;
+  if (surface.num_targets > 0) {
+    std::printf("%s",
+                fmt::format("performance.glb shows the surface with {} morph targets, {:.2g} mm "
+                            "from it on average, {:.2g} mm at most\n",
+                            surface.num_targets, 1000 * surface.mean_m, 1000 * surface.max_m)
+                    .c_str());
+  }
 }
 
 int Run(const Arguments& arguments) {
@@ -126,6 +137,10 @@ Command AddCaptureCommand(CLI::App* parent) {
   app->add_option("--refine", arguments->refine,
                   "What is fitted to the silhouettes: nothing, the pose, or pose and surface")
       ->check(CLI::IsMember({"none", "pose", "surface"}))
+      ->capture_default_str();
+  app->add_option("--surface", arguments->surface,
+                  "Surface in performance.glb as morph targets: none, key (ten per second), full")
+      ->check(CLI::IsMember({"none", "key", "full"}))
       ->capture_default_str();
   app->add_flag("--no-overlay", arguments->no_overlay, "Do not make overlay.mp4");
   app->add_flag("--quiet", arguments->quiet, "No progress");

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <optional>
 #include <system_error>
 
@@ -30,7 +31,6 @@ constexpr const char* kGltfName = "performance.glb";
 constexpr const char* kBvhName = "motion.bvh";
 constexpr const char* kTrcName = "joints.trc";
 constexpr const char* kOverlayName = "overlay.mp4";
-constexpr const char* kReportName = "report.json";
 
 Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
                       std::vector<std::string>* warnings) {
@@ -195,10 +195,17 @@ Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
   internal::PrepareOutput(
       output_, inputs_to_keep,
       std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName, internal::kMasksName,
-                 internal::kSurfaceName, kOverlayName, kReportName});
+                 internal::kSurfaceName, kOverlayName, internal::kReportName});
 }
 
 Capture::~Capture() = default;
+
+// Of the morph targets.
+int Capture::FramesPerTarget() const {
+  constexpr double kTargetsPerSecond = 10;
+  if (options_.surface == SurfaceTargets::kFull) return 1;
+  return std::max(1, static_cast<int>(std::lround(loaded_->report.fps / kTargetsPerSecond)));
+}
 
 CaptureReport Capture::Run(const ProgressCallback& progress) {
   CaptureReport report = loaded_->report;
@@ -211,6 +218,12 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     const auto start = std::chrono::steady_clock::now();
     work();
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    for (StageSeconds& timing : report.timings) {
+      if (timing.stage == stage) {
+        timing.seconds += elapsed.count();
+        return;
+      }
+    }
     report.timings.push_back({stage, elapsed.count()});
   };
 
@@ -236,13 +249,15 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   // A report of an earlier run must not vouch for the files of this one.
   std::error_code ec;
   for (const char* name :
-       {kReportName, internal::kMasksName, internal::kSurfaceName, kOverlayName}) {
+       {internal::kReportName, internal::kMasksName, internal::kSurfaceName, kOverlayName}) {
     fs::remove(output_ / name, ec);
   }
   const internal::Performance performance = {
       rig, character, report.camera, report.track.poses, report.world, report.fps};
-  const auto write_motion = [&] {
-    internal::WritePerformanceGltf(output_ / kGltfName, inputs_.actor, performance);
+  // surface: a surface.pc2 for the morph targets of the glTF; empty: none.
+  const auto write_motion = [&](const fs::path& surface) {
+    report.surface = internal::WritePerformanceGltf(output_ / kGltfName, inputs_.actor, performance,
+                                                    surface, FramesPerTarget());
     internal::WriteMotionBvh(output_ / kBvhName, performance);
     internal::WriteJointsTrc(output_ / kTrcName, performance);
     WritePoses(output_ / internal::kPosesName, {.video = fs::absolute(inputs_.video),
@@ -256,7 +271,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                                                 .poses = report.track.poses});
   };
   // Before the refinement: whatever ends that, the motion is there.
-  timed("files", write_motion);
+  timed("files", [&] { write_motion({}); });
   report.outputs = {kGltfName, kBvhName, kTrcName, internal::kPosesName};
   bool has_surface = false;
   if (options_.masks && report.complete) {
@@ -279,8 +294,12 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       report.outputs.push_back(internal::kMasksName);
       has_surface = options.frames.level == RefinementLevel::kSurface;
       if (has_surface) report.outputs.push_back(internal::kSurfaceName);
-      if (options.frames.level != RefinementLevel::kNone) write_motion();
     });
+    if (report.complete && options_.refinement.frames.level != RefinementLevel::kNone) {
+      const bool targets = has_surface && options_.surface != SurfaceTargets::kNone;
+      timed("files",
+            [&] { write_motion(targets ? output_ / internal::kSurfaceName : fs::path()); });
+    }
     internal::AddRefinementWarnings(report.refinement, &report.warnings);
     if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
   }
@@ -300,8 +319,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       if (report.complete) report.outputs.push_back(kOverlayName);
     });
   }
-  report.outputs.push_back(kReportName);
-  internal::WriteReport(output_ / kReportName, inputs_, options_, report);
+  report.outputs.push_back(internal::kReportName);
+  internal::WriteReport(output_ / internal::kReportName, inputs_, options_, report);
   return report;
 }
 

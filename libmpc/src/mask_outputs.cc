@@ -6,6 +6,7 @@
 
 #include "mpc/io/mask_file.h"
 #include "mpc/io/pc2.h"
+#include "outputs.h"
 #include "overlay.h"
 
 namespace mpc::internal {

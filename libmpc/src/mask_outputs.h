@@ -14,7 +14,6 @@ namespace mpc::internal {
 
 inline constexpr const char* kMasksName = "masks.mp4";
 inline constexpr const char* kMaskFolderName = "masks";
-inline constexpr const char* kSurfaceName = "surface.pc2";
 
 struct MaskOutputs {
   std::filesystem::path video;

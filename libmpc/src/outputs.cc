@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <optional>
 #include <string>
 #include <system_error>
 
@@ -11,9 +12,11 @@
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
 #include "mpc/io/gltf.h"
+#include "mpc/io/pc2.h"
 #include "mpc/io/trc.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/rig_pose.h"
+#include "mpc/skeleton/skinning.h"
 
 namespace mpc::internal {
 
@@ -46,8 +49,10 @@ Eigen::MatrixXd PosesInScene(const Performance& performance) {
 
 }  // namespace
 
-void WritePerformanceGltf(const std::filesystem::path& path, const std::filesystem::path& actor,
-                          const Performance& performance) {
+GltfSurfaceError WritePerformanceGltf(const std::filesystem::path& path,
+                                      const std::filesystem::path& actor,
+                                      const Performance& performance,
+                                      const std::filesystem::path& surface, int frames_per_target) {
   const Eigen::MatrixXd poses = PosesInScene(performance);
   GltfPerformance gltf;
   gltf.camera = performance.camera;
@@ -66,7 +71,10 @@ void WritePerformanceGltf(const std::filesystem::path& path, const std::filesyst
     RigBoneTransforms(performance.rig, performance.character, state,
                       &gltf.scene_from_bone[static_cast<size_t>(f)]);
   }
-  WriteGltfPerformance(path, actor, performance.rig, gltf);
+  std::optional<Pc2Reader> reader;
+  if (!surface.empty()) gltf.surface = &reader.emplace(surface);
+  gltf.frames_per_target = frames_per_target;
+  return WriteGltfPerformance(path, actor, performance.rig, gltf);
 }
 
 void WriteMotionBvh(const std::filesystem::path& path, const Performance& performance) {

@@ -203,6 +203,11 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
         {"model", summary([](const Record& r) { return r.silhouette.model_true_iou; })},
         {"surface", summary([](const Record& r) { return r.surface_true_iou; })}};
   }
+  if (report.surface.num_targets > 0) {
+    json["surface"] = {{"morph_targets", report.surface.num_targets},
+                       {"mean_error_mm", Rounded(1000 * report.surface.mean_m, 1e-4)},
+                       {"max_error_mm", Rounded(1000 * report.surface.max_m, 1e-4)}};
+  }
   Json joints = Json::array();
   for (const SkeletonJoint& joint : report.skeleton.joints) joints.push_back(JointName(joint.id));
   json["joints"] = std::move(joints);

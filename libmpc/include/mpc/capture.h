@@ -11,6 +11,7 @@
 
 #include "mpc/core/camera.h"
 #include "mpc/core/progress.h"
+#include "mpc/io/gltf.h"
 #include "mpc/pose/pose_estimator.h"
 #include "mpc/refinement.h"
 #include "mpc/skeleton/character.h"
@@ -33,12 +34,20 @@ struct CaptureInputs {
   std::filesystem::path true_masks = {};  // only compared with the silhouettes; empty: none
 };
 
+// The refined surface as morph targets of performance.glb. Every frame of it is in surface.pc2.
+enum class SurfaceTargets {
+  kNone,  // bones alone
+  kKey,   // ten targets per second, blended in between; report.json states the error
+  kFull,  // every frame exactly; many viewers stop at some hundred targets (docs/outputs.md)
+};
+
 struct CaptureOptions {
   PoseOptions pose;     // its num_threads serves every stage
   double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
   bool overlay = true;  // write overlay.mp4
   bool masks = true;    // find silhouettes, refine what they show, write masks.mp4
   ClipRefinementOptions refinement;  // its num_threads is that of `pose`
+  SurfaceTargets surface = SurfaceTargets::kKey;
 
   // Throws Error (kInvalidArgument) naming every fault.
   void Validate() const;
@@ -59,6 +68,7 @@ struct CaptureReport {
   PoseTrack track;    // poses N x F of `skeleton`, the refined ones where there are
   WorldPlacement world;
   std::vector<RefinementRecord> refinement;  // one per frame; empty without the stage
+  GltfSurfaceError surface;                  // of the morph targets
   RigMap mapping;
   std::vector<std::string> rig_bones;  // names, indexed by the mapping
   double height_scale = 1;             // applied to the actor's file for height_m
@@ -86,6 +96,8 @@ class Capture {
 
  private:
   struct Inputs;
+  int FramesPerTarget() const;
+
   std::unique_ptr<Inputs> loaded_;
   CaptureInputs inputs_;
   std::filesystem::path output_;

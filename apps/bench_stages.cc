@@ -2,11 +2,14 @@
 
 #include <array>
 #include <ctime>
+#include <memory>
+#include <vector>
 
 #include "mpc/pose/calibration.h"
 #include "mpc/pose/detection_rig.h"
 #include "mpc/pose/frame_initializer.h"
 #include "mpc/pose/pose_estimator.h"
+#include "mpc/refinement.h"
 #include "mpc/skeleton/proportions.h"
 
 namespace monoperfcap {
@@ -69,13 +72,47 @@ StageOutput RunPose(const BenchClip& clip, const StageOutputs&) {
   return output;
 }
 
+// Silhouettes and what follows from them, of the poses of the stage before.
+StageOutput Refine(const BenchClip& clip, const StageOutput& before, mpc::RefinementLevel level) {
+  const ProcessorWatch watch;
+  mpc::ClipRefinementOptions options;
+  options.frames.level = level;
+  const mpc::PosedClip posed = {.video = clip.video,
+                                .camera = clip.camera,
+                                .character = before.character,
+                                .poses = before.poses};
+  const auto surface = std::make_shared<std::vector<Eigen::Matrix3Xf>>();
+  StageOutput output;
+  output.poses = mpc::RefineClip(posed, options, [&](const mpc::RefinedFrame& frame) {
+                   surface->push_back(frame.vertices);
+                 }).poses;
+  output.seconds = before.seconds + watch.Seconds();
+  output.character = before.character;
+  if (level != mpc::RefinementLevel::kPose) {
+    output.vertices = [surface](int frame, Eigen::Matrix3Xf* vertices) {
+      *vertices = (*surface)[static_cast<size_t>(frame)];
+    };
+  }
+  return output;
+}
+
+StageOutput RunNetworkSurface(const BenchClip& clip, const StageOutputs& before) {
+  return Refine(clip, before.at("network"), mpc::RefinementLevel::kSurfaceOnly);
+}
+StageOutput RunRefinedPose(const BenchClip& clip, const StageOutputs& before) {
+  return Refine(clip, before.at("pose"), mpc::RefinementLevel::kPose);
+}
+StageOutput RunRefinedSurface(const BenchClip& clip, const StageOutputs& before) {
+  return Refine(clip, before.at("pose"), mpc::RefinementLevel::kSurface);
+}
+
 constexpr std::array<Stage, 6> kStages = {{
     {"network", "network's 3D, rigged", RunNetworkRig},
-    {"network_surface", "surface refinement on the network's 3D", nullptr},
+    {"network_surface", "surface refinement on the network's 3D", RunNetworkSurface},
     {"init", "E2d + E3d per frame", RunInitialization},
     {"pose", "E_pose", RunPose},
-    {"refined_pose", "refined pose", nullptr},
-    {"refined_surface", "refined surface", nullptr},
+    {"refined_pose", "refined pose", RunRefinedPose},
+    {"refined_surface", "refined surface", RunRefinedSurface},
 }};
 
 }  // namespace

@@ -40,12 +40,14 @@ FrameRefinement FrameRefiner::Refine(const Camera& camera, const Eigen::VectorXd
   const Contour2d first = silhouette({state, vertices, false});
   if (level_ == RefinementLevel::kNone) return result;
 
-  PoseRefinement pose = pose_refiner_.Refine(camera, batch_pose, first, scratch);
-  result.pose_state = pose.state;
-  result.pose_support = pose.support;
-  if (pose.state == RefinementState::kRefined) {
-    result.pose = std::move(pose.pose);
-    pose_actor();
+  if (level_ != RefinementLevel::kSurfaceOnly) {
+    PoseRefinement pose = pose_refiner_.Refine(camera, batch_pose, first, scratch);
+    result.pose_state = pose.state;
+    result.pose_support = pose.support;
+    if (pose.state == RefinementState::kRefined) {
+      result.pose = std::move(pose.pose);
+      pose_actor();
+    }
   }
   const Contour2d second = silhouette({state, vertices, true});
   if (level_ == RefinementLevel::kPose) return result;

@@ -19,9 +19,10 @@
 namespace mpc {
 
 enum class RefinementLevel {
-  kNone,     // the pose stays as it is: one silhouette is asked for
-  kPose,     // the pose only
-  kSurface,  // pose and surface; paper
+  kNone,         // the pose stays as it is: one silhouette is asked for
+  kPose,         // the pose only
+  kSurface,      // pose and surface; paper
+  kSurfaceOnly,  // the surface at the given pose, as the paper does with another method's poses
 };
 
 struct FrameRefinementOptions {

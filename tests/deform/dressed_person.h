@@ -7,7 +7,7 @@
 #include <opencv2/core.hpp>
 
 #include "deform/surface_meshes.h"
-#include "mpc/eval/procedural_actor.h"
+#include "mpc/eval/dressed_actor.h"
 #include "mpc/render/raster.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_map.h"
@@ -15,7 +15,7 @@
 namespace mpc::testing {
 
 struct DressedPerson {
-  Character character;     // the procedural actor with a skirt that hangs on its hips
+  Character character;     // the synthetic actor with a skirt that hangs on its hips
   Camera camera;           // 3.5 m away, the person upright in the picture
   Eigen::Matrix3Xf posed;  // at bind, in the camera frame
   Eigen::Matrix3Xf truth;  // the skirt's hem blown to the side, the trunk bulging
@@ -24,7 +24,7 @@ struct DressedPerson {
 
 inline DressedPerson MakeDressedPerson(double blown_m = 0.05, double bulge_m = 0.02) {
   DressedPerson person;
-  const RigAsset rig = ProceduralActor();
+  const RigAsset rig = MakeDressedActor({.outfit = Outfit::kTight}).rig;
   Character& character = person.character = BuildCharacter(rig, MapRigByNames(rig));
   const int body = person.first_of_skirt = static_cast<int>(character.mesh.positions.cols());
   // Tubes run along increasing y, the actor's up: the hem is at its start.

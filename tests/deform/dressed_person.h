@@ -15,7 +15,7 @@
 namespace mpc::testing {
 
 struct DressedPerson {
-  Character character;     // the procedural actor with a skirt that hangs on its hips
+  Character character;     // the synthetic actor with a skirt that hangs on its hips
   Camera camera;           // 3.5 m away, the person upright in the picture
   Eigen::Matrix3Xf posed;  // at bind, in the camera frame
   Eigen::Matrix3Xf truth;  // the skirt's hem blown to the side, the trunk bulging

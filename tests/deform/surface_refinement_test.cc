@@ -59,9 +59,7 @@ TEST_F(SurfaceRefinementTest, DepthPriorKeepsNodesFromDrifting) {
   const SurfaceRefinement kept = Refine(mask), adrift = Refine(mask, without);
   const auto drift_mm = [](const SurfaceRefinement& refined) {
     return 1000 * (refined.vertices - Person().posed).row(2).cwiseAbs().maxCoeff();
-  }; error %.2f without %.2f\n", drift_mm(kept), drift_mm(adrift),
-         MeanError_mm(kept.vertices, Person().truth),
-         MeanError_mm(adrift.vertices, Person().truth));
+  };
   EXPECT_LT(drift_mm(kept), 0.6 * drift_mm(adrift));
   EXPECT_LT(MeanError_mm(kept.vertices, Person().truth),
             MeanError_mm(adrift.vertices, Person().truth));

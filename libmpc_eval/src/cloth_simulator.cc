@@ -9,13 +9,14 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kGravity = 9.81;
-constexpr double kAirDragPerS = 0.9;         // of cloth that hangs free
-constexpr double kLayerDragPerS = 12;        // of cloth that lies on the body, against the body
+constexpr double kAirDragPerS = 0.9;   // of cloth that hangs free
+constexpr double kLayerDragPerS = 12;  // of cloth that lies on the body, against the body
+constexpr int kStretchIterations = 3;
 constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
 constexpr double kBendCompliance = 4e-4;
-constexpr double kThickness = 0.007;  // distance kept from colliders
+constexpr double kThickness = 0.010;  // distance kept from colliders
 constexpr double kFloor = 0.003;
-constexpr double kFriction = 0.35;
+constexpr double kFriction = 0.15;
 constexpr double kMaxSpeed = 25;
 
 }  // namespace
@@ -30,10 +31,12 @@ ClothSimulator::ClothSimulator(const ClothModel& model, const Eigen::Matrix3Xd& 
       colliders_before_(colliders) {}
 
 void ClothSimulator::Step(double step_s, const Eigen::Matrix3Xd& targets,
-                          const CapsuleSet& colliders) {
-  Predict(step_s, targets);
+                          const CapsuleSet& colliders, double damping_per_s) {
+  Predict(step_s, targets, damping_per_s);
   Satisfy(model_.bend, kBendCompliance, step_s);
-  Satisfy(model_.stretch, kStretchCompliance, step_s);
+  for (int i = 0; i < kStretchIterations; ++i) {
+    Satisfy(model_.stretch, kStretchCompliance, step_s);
+  }
   for (const ClothModel::Link& tether : model_.tethers) {
     const Vector3d reach = positions_.col(tether.b) - positions_.col(tether.a);
     const double length = reach.norm();
@@ -52,8 +55,9 @@ void ClothSimulator::Step(double step_s, const Eigen::Matrix3Xd& targets,
   colliders_before_ = colliders;
 }
 
-void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets) {
+void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets, double damping_per_s) {
   const double air = std::exp(-kAirDragPerS * step_s);
+  const double free = std::exp(-damping_per_s * step_s);
   const double layer = std::exp(-kLayerDragPerS * step_s);
   previous_ = positions_;
   for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
@@ -63,10 +67,10 @@ void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets) {
     }
     Vector3d v = velocities_.col(p);
     v.y() -= kGravity * step_s;
+    const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
     if (std::isinf(model_.freedom_m[p])) {
-      v *= air;
+      v = air * (body + free * (v - body));
     } else {
-      const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
       v = body + layer * (v - body);
     }
     positions_.col(p) += step_s * v;
@@ -132,14 +136,6 @@ void ClothSimulator::Collide(const CapsuleSet& colliders) {
     x.y() = std::max(x.y(), kFloor);
     positions_.col(p) = x;
   }
-}
-
-double ClothSimulator::KineticEnergy() const {
-  double sum = 0;
-  for (Eigen::Index p = 0; p < velocities_.cols(); ++p) {
-    if (model_.freedom_m[p] > 0) sum += 0.5 * velocities_.col(p).squaredNorm();
-  }
-  return sum;
 }
 
 }  // namespace mpc

@@ -27,7 +27,7 @@ Cut MakeCut(const ActorShape& shape, Outfit outfit) {
   if (outfit == Outfit::kSkirt) {
     return {shape.waist_y() + 0.012, knee + 0.01, 0.42, 0.004, 0, 24, 72};
   }
-  return {shape.waist_y(), knee - 0.05, 0.22, 0.004, 0.10, 26, 64};
+  return {shape.waist_y(), knee - 0.05, 0.24, 0.005, 0.16, 26, 64};
 }
 
 double Smooth(double t) {

@@ -34,8 +34,12 @@ Eigen::Vector3f Normal(const TriangleMesh& mesh, int t) {
   return (b - a).cross(c - a).normalized();
 }
 
-// Label of each triangle: its group and the axis it looks along most, of 6; specks are given to
-// their neighbours.
+// Numbers the connected pieces of equal label.
+std::vector<int> Pieces(const std::vector<int>& label,
+                        const std::vector<std::array<int, 3>>& neighbours);
+
+// Label of each triangle: its group and the axis it looks along most, of 6; small pieces are given
+// to their neighbours.
 std::vector<int> AxisLabels(const TriangleMesh& mesh, const std::vector<int>& group,
                             const std::vector<std::array<int, 3>>& neighbours) {
   const int num_triangles = static_cast<int>(mesh.triangles.cols());
@@ -64,10 +68,25 @@ std::vector<int> AxisLabels(const TriangleMesh& mesh, const std::vector<int>& gr
     }
   }
   for (int t = 0; t < num_triangles; ++t) label[t] += 6 * group[t];
+  constexpr int kSmallPiece = 80;  // triangles
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<int> piece = Pieces(label, neighbours);
+    std::vector<int> count(piece.size(), 0);
+    for (const int p : piece) ++count[p];
+    for (int t = 0; t < num_triangles; ++t) {
+      if (count[piece[t]] >= kSmallPiece) continue;
+      for (const int n : neighbours[t]) {
+        if (n >= 0 && group[n] == group[t] && count[piece[n]] > count[piece[t]] &&
+            facing(t, label[n] % 6) > 0.05F) {
+          label[t] = label[n];
+          break;
+        }
+      }
+    }
+  }
   return label;
 }
 
-// Numbers the connected pieces of equal label.
 std::vector<int> Pieces(const std::vector<int>& label,
                         const std::vector<std::array<int, 3>>& neighbours) {
   std::vector<int> piece(label.size(), -1);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <limits>
 #include <vector>
 
@@ -65,16 +66,16 @@ Eigen::VectorXd PoseAt(const Skeleton& skeleton, MotionKind kind, double t, doub
   return body.pose();
 }
 
-// Moves the root horizontally so that the toes stay where they are, in the air too.
-void StandOnToes(const Skeleton& skeleton, Eigen::MatrixXd* poses) {
-  const int left = skeleton.FindJointIndex(JointId::kLeftToe);
-  const int right = skeleton.FindJointIndex(JointId::kRightToe);
+// Moves the root horizontally so that the mean of some joints stays where it is, in the air too.
+void StandOn(const Skeleton& skeleton, std::initializer_list<JointId> feet,
+             Eigen::MatrixXd* poses) {
   const Eigen::MatrixXd joints = JointTrajectories(skeleton, *poses);
-  const Eigen::MatrixXd toes =
-      0.5 * (joints.middleRows<3>(3 * left) + joints.middleRows<3>(3 * right));
-  for (const int axis : {0, 2}) {
-    poses->row(axis).array() -= toes.row(axis).array() - toes(axis, 0);
+  Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(3, poses->cols());
+  for (const JointId id : feet) {
+    mean +=
+        joints.middleRows<3>(3 * skeleton.FindJointIndex(id)) / static_cast<double>(feet.size());
   }
+  for (const int axis : {0, 2}) poses->row(axis).array() -= mean.row(axis).array() - mean(axis, 0);
 }
 
 // The lowest joint on the floor, but between take-off and landing a free fall that joins the
@@ -150,10 +151,13 @@ Eigen::MatrixXd MakeMotion(const Skeleton& skeleton, MotionKind kind, double sec
   }
   const double temperature_m = 0.004;
   const bool in_place = kind == MotionKind::kTurn || kind == MotionKind::kRoll;
-  // In the air nothing is planted; a jump goes straight up.
-  if (!in_place && kind != MotionKind::kJump) PlantFeet(skeleton, temperature_m, &poses);
+  if (kind == MotionKind::kKick) {
+    StandOn(skeleton, {JointId::kLeftToe}, &poses);
+  } else if (!in_place && kind != MotionKind::kJump) {
+    PlantFeet(skeleton, temperature_m, &poses);
+  }
   if (kind == MotionKind::kJump) {
-    StandOnToes(skeleton, &poses);
+    StandOn(skeleton, {JointId::kLeftToe, JointId::kRightToe}, &poses);
     FlyAndStand(skeleton, seconds, fps, temperature_m, &poses);
     return poses;
   }

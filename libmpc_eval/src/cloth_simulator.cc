@@ -11,6 +11,8 @@ using Eigen::Vector3d;
 constexpr double kGravity = 9.81;
 constexpr double kAirDragPerS = 0.9;   // of cloth that hangs free
 constexpr double kLayerDragPerS = 12;  // of cloth that lies on the body, against the body
+// Cloth does not creep: what moves against the body loses this speed per second, m/s^2.
+constexpr double kInnerFriction = 0.6;
 constexpr int kStretchIterations = 3;
 constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
 constexpr double kBendCompliance = 4e-4;
@@ -69,7 +71,10 @@ void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets, dou
     v.y() -= kGravity * step_s;
     const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
     if (std::isinf(model_.freedom_m[p])) {
-      v = air * (body + free * (v - body));
+      const Vector3d against = free * (v - body);
+      const double speed = against.norm();
+      const double kept = speed > 0 ? std::max(0.0, 1 - kInnerFriction * step_s / speed) : 0.0;
+      v = air * (body + kept * against);
     } else {
       v = body + layer * (v - body);
     }
@@ -106,35 +111,35 @@ void ClothSimulator::LimitReach(const Eigen::Matrix3Xd& targets) {
 }
 
 void ClothSimulator::Collide(const CapsuleSet& colliders) {
-  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
-    if (model_.freedom_m[p] == 0) continue;
-    Vector3d x = positions_.col(p);
-    if (model_.collides[p]) {
-      for (size_t c = 0; c < colliders.size(); ++c) {
-        const Capsule& capsule = colliders[c];
-        const Vector3d along = capsule.b - capsule.a;
-        const double squared = along.squaredNorm();
-        const double s =
-            squared > 0 ? std::clamp(along.dot(x - capsule.a) / squared, 0.0, 1.0) : 0.0;
-        const Vector3d out = x - capsule.a - s * along;
-        const double radius =
-            capsule.radius_a + s * (capsule.radius_b - capsule.radius_a) + kThickness;
-        const double distance_squared = out.squaredNorm();
-        if (distance_squared >= radius * radius || distance_squared < 1e-18) continue;
-        const double distance = std::sqrt(distance_squared);
-        const Vector3d normal = out / distance;
-        x += (radius - distance) * normal;
-        // Friction against the place of the body it lies on.
-        const Capsule& before = colliders_before_[c];
-        const Vector3d carried = (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
-        Vector3d slip = x - previous_.col(p) - carried;
-        slip -= slip.dot(normal) * normal;
-        const double slipped = slip.norm();
-        if (slipped > 0) x -= std::min(1.0, kFriction * (radius - distance) / slipped) * slip;
-      }
+  for (size_t c = 0; c < colliders.size(); ++c) {
+    const Capsule& capsule = colliders[c];
+    const Capsule& before = colliders_before_[c];
+    const Vector3d along = capsule.b - capsule.a;
+    const double squared = along.squaredNorm();
+    const double per_squared = squared > 0 ? 1 / squared : 0;
+    for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+      if (!model_.collides[p]) continue;
+      Vector3d x = positions_.col(p);
+      const double s = std::clamp(along.dot(x - capsule.a) * per_squared, 0.0, 1.0);
+      const Vector3d out = x - capsule.a - s * along;
+      const double radius =
+          capsule.radius_a + s * (capsule.radius_b - capsule.radius_a) + kThickness;
+      const double distance_squared = out.squaredNorm();
+      if (distance_squared >= radius * radius || distance_squared < 1e-18) continue;
+      const double distance = std::sqrt(distance_squared);
+      const Vector3d normal = out / distance;
+      x += (radius - distance) * normal;
+      // Friction against the place of the body it lies on.
+      const Vector3d carried = (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
+      Vector3d slip = x - previous_.col(p) - carried;
+      slip -= slip.dot(normal) * normal;
+      const double slipped = slip.norm();
+      if (slipped > 0) x -= std::min(1.0, kFriction * (radius - distance) / slipped) * slip;
+      positions_.col(p) = x;
     }
-    x.y() = std::max(x.y(), kFloor);
-    positions_.col(p) = x;
+  }
+  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+    if (model_.freedom_m[p] > 0) positions_(1, p) = std::max(positions_(1, p), kFloor);
   }
 }
 

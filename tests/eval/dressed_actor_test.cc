@@ -198,7 +198,7 @@ TEST_F(DressedActorTest, ExtremeProportionsStayClosed) {
     options.girth = options.leg_length = options.arm_length = options.shoulder_width = factor;
     const DressedActor actor = MakeDressedActor(options);
     actor.rig.Validate();
-    ExpectClosedSurface(BodyTriangles(actor));
+    EXPECT_EQ(ExpectClosedSurface(BodyTriangles(actor)), 2);
     EXPECT_NEAR(actor.rig.meshes[0].mesh.positions.row(1).maxCoeff(), 1.2, 0.01);
     BuildCharacter(actor.rig, MapRigByNames(actor.rig));
   }

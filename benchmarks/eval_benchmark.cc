@@ -2,6 +2,7 @@
 // core. Baseline: the same actor alone, once per pixel, without light (ShadeMesh).
 #include <benchmark/benchmark.h>
 
+#include "mpc/eval/clothing.h"
 #include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/motions.h"
 #include "mpc/eval/synthetic_performance.h"
@@ -65,3 +66,49 @@ void BM_ActorAloneUnlit720p(benchmark::State& state) {
 BENCHMARK(BM_ActorAloneUnlit720p)->Unit(benchmark::kMillisecond);
 
 }  // namespace
+
+namespace mpc {
+namespace {
+
+void MakeActor(benchmark::State& state, Outfit outfit) {
+  for (auto _ : state) benchmark::DoNotOptimize(MakeDressedActor({.outfit = outfit}));
+}
+
+void MakeDressedActor_Skirt(benchmark::State& state) { MakeActor(state, Outfit::kSkirt); }
+BENCHMARK(MakeDressedActor_Skirt)->Unit(benchmark::kMillisecond);
+
+void MakeDressedActor_Skirt_BaselineNoCloth(benchmark::State& state) {
+  MakeActor(state, Outfit::kTight);
+}
+BENCHMARK(MakeDressedActor_Skirt_BaselineNoCloth)->Unit(benchmark::kMillisecond);
+
+struct Performer {
+  explicit Performer(Outfit outfit)
+      : actor(MakeDressedActor({.outfit = outfit})),
+        character(BuildCharacter(actor.rig, MapRigByNames(actor.rig))) {}
+  DressedActor actor;
+  Character character;
+};
+
+// Two seconds of walking at 30 fps, and before them the time in which the cloth is put on.
+void PerformTwoSeconds(benchmark::State& state, Outfit outfit) {
+  const Performer performer(outfit);
+  const Eigen::MatrixXd poses = MakeMotion(performer.character.skeleton, MotionKind::kWalk, 2, 30);
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(Perform(performer.actor, performer.character, poses, 30));
+  }
+}
+
+void Perform_Skirt60Frames(benchmark::State& state) { PerformTwoSeconds(state, Outfit::kSkirt); }
+BENCHMARK(Perform_Skirt60Frames)->Unit(benchmark::kMillisecond);
+
+void Perform_Skirt60Frames_BaselineSkinning(benchmark::State& state) {
+  PerformTwoSeconds(state, Outfit::kTight);
+}
+BENCHMARK(Perform_Skirt60Frames_BaselineSkinning)->Unit(benchmark::kMillisecond);
+
+void Perform_Casual60Frames(benchmark::State& state) { PerformTwoSeconds(state, Outfit::kCasual); }
+BENCHMARK(Perform_Casual60Frames)->Unit(benchmark::kMillisecond);
+
+}  // namespace
+}  // namespace mpc

@@ -208,7 +208,7 @@ cv::Vec3f ActorPaint::Shirt(const Vector3d& x) const {
     colour = Patterned(pattern, first, second, around, ax);
     if (ax > shape_.cuff_x() - 0.006) colour = Mix(first, second, 0.5) * 0.8F;
   } else {
-    const double around = 0.085 * std::atan2(x.x(), x.z());
+    const double around = x.x() - 0.7 * x.z() * std::clamp(x.x() / 0.06, -1.0, 1.0);
     colour = Patterned(pattern, first, second, around, f.neck.y() - x.y());
     if (x.z() > 0 && pattern == Pattern::kPrint) {
       const double r = std::hypot(x.x(), x.y() - 0.66 * f.neck.y());
@@ -273,19 +273,22 @@ cv::Vec3b ActorPaint::Body(const Vector3d& x) const {
   const BodyFrame& f = shape_.frame();
   const double ax = std::abs(x.x());
   Vec3f colour;
-  // The collar lies deeper in front.
-  const double collar = f.neck.y() - 0.006 - (x.z() > -0.01 ? 0.35 * (x.z() + 0.01) : 0);
+  // A round neckline.
+  const double neckline =
+      (x - f.neck - Vector3d(0, 0.006, -0.002)).cwiseQuotient(Vector3d(0.050, 0.030, 0.056)).norm();
+  const bool above = ax < 0.062 && x.y() > f.neck.y() + 0.016;
   if (ax > shape_.cuff_x()) {
     // Hands: darker between the fingers.
     const double along = ax - f.wrist.x();
     colour = colours_.skin * static_cast<float>(1 + 0.04 * Noise(x, 0.015));
     if (along > 0.052 && Band(x.z() + 0.0005, 0.0092, 0.0014)) colour = colour * 0.72F;
-  } else if (x.y() > collar && ax < 0.062) {
-    colour = x.y() > f.neck.y() + 0.02
-                 ? Head(x)
-                 : colours_.skin * static_cast<float>(1 + 0.03 * Noise(x, 0.012));
-    if (x.y() < collar + 0.005) colour = colour * 0.7F;
-  } else if (x.y() > shape_.hem_y()) {
+  } else if (above) {
+    colour = Head(x);
+  } else if (neckline < 1.07) {
+    colour = colours_.skin * static_cast<float>(1 + 0.03 * Noise(x, 0.012));
+    if (neckline > 0.97)
+      colour = (outfit_ == Outfit::kCoat ? colours_.garment : colours_.shirt) * 0.6F;
+  } else if (x.y() > shape_.hem_y() - (outfit_ == Outfit::kCasual ? 0.004 : 0)) {
     colour = Shirt(x);
   } else {
     colour = Leg(x);

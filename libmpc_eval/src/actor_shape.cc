@@ -173,7 +173,7 @@ void ActorShape::AddHead(HairStyle style, double build) {
       Cone(kNeck, frame_.neck + Vector3d(0, -0.030, -0.016), Mix(0.037, 0.031, build),
            frame_.head + Vector3d(0, 0.010, -0.004), Mix(0.034, 0.028, build)),
   };
-  hair_ = {Ellipsoid(kHead, at(0, -0.060, -0.012), {0.0495, 0.060, 0.0575})};
+  hair_ = {Ellipsoid(kHead, at(0, -0.060, -0.008), {0.0500, 0.060, 0.0615})};
   if (style == HairStyle::kBob) {
     hair_.push_back(Ellipsoid(kHead, at(0, -0.092, -0.016), {0.051, 0.044, 0.048}));
   }
@@ -203,6 +203,10 @@ void ActorShape::AddTrunk(const DressedActorOptions& o) {
       Loft(kChest, 1, stations),
       Ellipsoid(kHips, {0.040, -0.022 * t, -0.034}, {0.050 * o.girth, 0.048, 0.040 * o.girth}),
       Ellipsoid(kHips, {-0.040, -0.022 * t, -0.034}, {0.050 * o.girth, 0.048, 0.040 * o.girth})};
+  // From the neck down to the shoulder.
+  trunk_.push_back(Cone(kChest, {0.018, 0.300 * t, -0.014}, 0.032 * o.girth,
+                        {0.92 * frame_.shoulder.x(), frame_.shoulder.y() - 0.006, -0.008},
+                        0.0345 * o.girth * Mix(1, 0.92, f)));
   if (f > 0) {
     const Vector3d radii = o.girth * f * Vector3d(0.037, 0.036, 0.030);
     trunk_.push_back(Ellipsoid(kChest, {0.038, 0.204 * t, 0.040}, radii));
@@ -326,9 +330,10 @@ double ActorShape::HairDistance(const Vector3d& left) const {
   const double distance = Union(hair_, left, kFar, 0.012);
   // No hair before the hairline: forehead, temples, in front of the ears; nor below the nape.
   const double below = frame_.crown.y() - left.y();
-  const double line = below < 0.030   ? 0.060
-                      : below < 0.060 ? Mix(0.045, 0.012, (below - 0.030) / 0.030)
-                                      : Mix(0.012, -0.016, std::min((below - 0.060) / 0.050, 1.0));
+  const double line = below < 0.034   ? 0.070
+                      : below < 0.042 ? Mix(0.070, 0.026, (below - 0.034) / 0.008)
+                      : below < 0.070 ? Mix(0.026, 0.012, (below - 0.042) / 0.028)
+                                      : Mix(0.012, -0.016, std::min((below - 0.070) / 0.040, 1.0));
   const double nape = hair_.size() > 1 && hair_[1].radii.y() > 0.03 ? 0.135 : 0.114;
   return std::max({distance, 0.8 * (left.z() - line), below - nape});
 }
@@ -407,8 +412,9 @@ std::vector<ActorShape::PartCapsule> ActorShape::Capsules() const {
   }
   for (const Solid& solid : trunk_) {
     if (solid.kind != Solid::Kind::kEllipsoid || solid.part != kHips) continue;
-    const double radius = solid.radii.minCoeff();
-    capsules.push_back({kHips, {solid.a, solid.a, radius, radius}});
+    const double radius = 1.08 * solid.radii.z();
+    const Vector3d across(0.3 * solid.radii.x(), 0, 0);
+    capsules.push_back({kHips, {solid.a - across, solid.a + across, radius, radius}});
   }
   const std::vector<Solid::Station>& stations = leg_section_.stations;
   for (size_t i = 0; i + 1 < stations.size(); ++i) {
@@ -416,10 +422,17 @@ std::vector<ActorShape::PartCapsule> ActorShape::Capsules() const {
     const Solid::Station& q = stations[i + 1];
     const RigPart part = p.at < frame_.knee.y() - 1e-9 ? kLeftLowerLeg : kLeftUpperLeg;
     const Capsule left{
-        {p.u, p.at, p.v}, {q.u, q.at, q.v}, 0.5 * (p.ru + p.rv), 0.5 * (q.ru + q.rv)};
+        {p.u, p.at, p.v}, {q.u, q.at, q.v}, std::max(p.ru, p.rv), std::max(q.ru, q.rv)};
     capsules.push_back({part, left});
     capsules.push_back(
         {OnRightSide(part), {Mirrored(left.a), Mirrored(left.b), left.radius_a, left.radius_b}});
+  }
+  // A bent knee stands out.
+  const Solid::Station knee = leg_section_.Section(frame_.knee.y());
+  const double radius = 1.3 * std::max(knee.ru, knee.rv);
+  for (const Vector3d& x : {frame_.knee, Mirrored(frame_.knee)}) {
+    const RigPart part = x.x() > 0 ? kLeftUpperLeg : OnRightSide(kLeftUpperLeg);
+    capsules.push_back({part, {x, x, radius, radius}});
   }
   return capsules;
 }

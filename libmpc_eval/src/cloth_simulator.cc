@@ -9,13 +9,16 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kGravity = 9.81;
-constexpr double kAirDragPerS = 0.9;         // of cloth that hangs free
-constexpr double kLayerDragPerS = 12;        // of cloth that lies on the body, against the body
+constexpr double kAirDragPerS = 0.9;   // of cloth that hangs free
+constexpr double kLayerDragPerS = 12;  // of cloth that lies on the body, against the body
+// Cloth does not creep: what moves against the body loses this speed per second, m/s^2.
+constexpr double kInnerFriction = 0.6;
+constexpr int kStretchIterations = 3;
 constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
 constexpr double kBendCompliance = 4e-4;
-constexpr double kThickness = 0.007;  // distance kept from colliders
+constexpr double kThickness = 0.010;  // distance kept from colliders
 constexpr double kFloor = 0.003;
-constexpr double kFriction = 0.35;
+constexpr double kFriction = 0.15;
 constexpr double kMaxSpeed = 25;
 
 }  // namespace
@@ -30,10 +33,12 @@ ClothSimulator::ClothSimulator(const ClothModel& model, const Eigen::Matrix3Xd& 
       colliders_before_(colliders) {}
 
 void ClothSimulator::Step(double step_s, const Eigen::Matrix3Xd& targets,
-                          const CapsuleSet& colliders) {
-  Predict(step_s, targets);
+                          const CapsuleSet& colliders, double damping_per_s) {
+  Predict(step_s, targets, damping_per_s);
   Satisfy(model_.bend, kBendCompliance, step_s);
-  Satisfy(model_.stretch, kStretchCompliance, step_s);
+  for (int i = 0; i < kStretchIterations; ++i) {
+    Satisfy(model_.stretch, kStretchCompliance, step_s);
+  }
   for (const ClothModel::Link& tether : model_.tethers) {
     const Vector3d reach = positions_.col(tether.b) - positions_.col(tether.a);
     const double length = reach.norm();
@@ -52,8 +57,9 @@ void ClothSimulator::Step(double step_s, const Eigen::Matrix3Xd& targets,
   colliders_before_ = colliders;
 }
 
-void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets) {
+void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets, double damping_per_s) {
   const double air = std::exp(-kAirDragPerS * step_s);
+  const double free = std::exp(-damping_per_s * step_s);
   const double layer = std::exp(-kLayerDragPerS * step_s);
   previous_ = positions_;
   for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
@@ -63,10 +69,13 @@ void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets) {
     }
     Vector3d v = velocities_.col(p);
     v.y() -= kGravity * step_s;
+    const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
     if (std::isinf(model_.freedom_m[p])) {
-      v *= air;
+      const Vector3d against = free * (v - body);
+      const double speed = against.norm();
+      const double kept = speed > 0 ? std::max(0.0, 1 - kInnerFriction * step_s / speed) : 0.0;
+      v = air * (body + kept * against);
     } else {
-      const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
       v = body + layer * (v - body);
     }
     positions_.col(p) += step_s * v;
@@ -102,44 +111,36 @@ void ClothSimulator::LimitReach(const Eigen::Matrix3Xd& targets) {
 }
 
 void ClothSimulator::Collide(const CapsuleSet& colliders) {
-  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
-    if (model_.freedom_m[p] == 0) continue;
-    Vector3d x = positions_.col(p);
-    if (model_.collides[p]) {
-      for (size_t c = 0; c < colliders.size(); ++c) {
-        const Capsule& capsule = colliders[c];
-        const Vector3d along = capsule.b - capsule.a;
-        const double squared = along.squaredNorm();
-        const double s =
-            squared > 0 ? std::clamp(along.dot(x - capsule.a) / squared, 0.0, 1.0) : 0.0;
-        const Vector3d out = x - capsule.a - s * along;
-        const double radius =
-            capsule.radius_a + s * (capsule.radius_b - capsule.radius_a) + kThickness;
-        const double distance_squared = out.squaredNorm();
-        if (distance_squared >= radius * radius || distance_squared < 1e-18) continue;
-        const double distance = std::sqrt(distance_squared);
-        const Vector3d normal = out / distance;
-        x += (radius - distance) * normal;
-        // Friction against the place of the body it lies on.
-        const Capsule& before = colliders_before_[c];
-        const Vector3d carried = (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
-        Vector3d slip = x - previous_.col(p) - carried;
-        slip -= slip.dot(normal) * normal;
-        const double slipped = slip.norm();
-        if (slipped > 0) x -= std::min(1.0, kFriction * (radius - distance) / slipped) * slip;
-      }
+  for (size_t c = 0; c < colliders.size(); ++c) {
+    const Capsule& capsule = colliders[c];
+    const Capsule& before = colliders_before_[c];
+    const Vector3d along = capsule.b - capsule.a;
+    const double squared = along.squaredNorm();
+    const double per_squared = squared > 0 ? 1 / squared : 0;
+    for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+      if (!model_.collides[p]) continue;
+      Vector3d x = positions_.col(p);
+      const double s = std::clamp(along.dot(x - capsule.a) * per_squared, 0.0, 1.0);
+      const Vector3d out = x - capsule.a - s * along;
+      const double radius =
+          capsule.radius_a + s * (capsule.radius_b - capsule.radius_a) + kThickness;
+      const double distance_squared = out.squaredNorm();
+      if (distance_squared >= radius * radius || distance_squared < 1e-18) continue;
+      const double distance = std::sqrt(distance_squared);
+      const Vector3d normal = out / distance;
+      x += (radius - distance) * normal;
+      // Friction against the place of the body it lies on.
+      const Vector3d carried = (1 - s) * (capsule.a - before.a) + s * (capsule.b - before.b);
+      Vector3d slip = x - previous_.col(p) - carried;
+      slip -= slip.dot(normal) * normal;
+      const double slipped = slip.norm();
+      if (slipped > 0) x -= std::min(1.0, kFriction * (radius - distance) / slipped) * slip;
+      positions_.col(p) = x;
     }
-    x.y() = std::max(x.y(), kFloor);
-    positions_.col(p) = x;
   }
-}
-
-double ClothSimulator::KineticEnergy() const {
-  double sum = 0;
-  for (Eigen::Index p = 0; p < velocities_.cols(); ++p) {
-    if (model_.freedom_m[p] > 0) sum += 0.5 * velocities_.col(p).squaredNorm();
+  for (Eigen::Index p = 0; p < positions_.cols(); ++p) {
+    if (model_.freedom_m[p] > 0) positions_(1, p) = std::max(positions_(1, p), kFloor);
   }
-  return sum;
 }
 
 }  // namespace mpc

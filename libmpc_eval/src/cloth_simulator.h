@@ -20,17 +20,17 @@ class ClothSimulator {
                  const CapsuleSet& colliders);
 
   // One substep: `targets` (3xP) is where the bones hold the particles, `colliders` (one per
-  // collider of the model) where the body is at its end. No allocation.
-  void Step(double step_s, const Eigen::Matrix3Xd& targets, const CapsuleSet& colliders);
+  // collider of the model) where the body is at its end. What hangs free loses its motion against
+  // the bones at `damping_per_s`. No allocation.
+  void Step(double step_s, const Eigen::Matrix3Xd& targets, const CapsuleSet& colliders,
+            double damping_per_s);
 
   const Eigen::Matrix3Xd& positions() const { return positions_; }
   // Moves everything by `velocity`, in m/s.
   void Push(const Eigen::Vector3d& velocity) { velocities_.colwise() += velocity; }
-  // Kinetic energy of the free particles per unit of mass, m^2/s^2.
-  double KineticEnergy() const;
 
  private:
-  void Predict(double step_s, const Eigen::Matrix3Xd& targets);
+  void Predict(double step_s, const Eigen::Matrix3Xd& targets, double damping_per_s);
   void Satisfy(const std::vector<ClothModel::Link>& links, double compliance, double step_s);
   void LimitReach(const Eigen::Matrix3Xd& targets);
   void Collide(const CapsuleSet& colliders);

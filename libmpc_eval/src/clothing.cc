@@ -13,10 +13,12 @@
 namespace mpc {
 namespace {
 
-constexpr double kStepS = 1.0 / 600;
-constexpr double kDressingS = 0.6;    // from bind to the first pose
-constexpr double kRestS = 1.2;        // at the first pose, before frame 0
-constexpr double kMaxStartSpeed = 4;  // m/s
+constexpr double kStepS = 1.0 / 480;
+constexpr double kDressingS = 0.6;      // from bind to the first pose
+constexpr double kRestS = 1.0;          // at the first pose, before frame 0
+constexpr double kDamping = 1.2;        // per second
+constexpr double kDressingDamping = 8;  // so that it comes to rest soon
+constexpr double kMaxStartSpeed = 4;    // m/s
 
 void CheckArguments(const DressedActor& actor, const Character& character,
                     const Eigen::MatrixXd& poses, double fps) {
@@ -120,7 +122,7 @@ ClothSimulator Dressed(const ClothModel& cloth, const Character& character,
   simulator.Push(velocity);
   for (int step = 1; step <= steps; ++step) {
     dummy->Pose(pose_at(step));
-    simulator.Step(kStepS, dummy->targets, dummy->colliders);
+    simulator.Step(kStepS, dummy->targets, dummy->colliders, kDressingDamping);
   }
   return simulator;
 }
@@ -145,7 +147,7 @@ std::vector<Eigen::Matrix3Xf> Perform(const DressedActor& actor, const Character
     for (int i = 1; f > 0 && i <= substeps; ++i) {
       dummy.Pose(Between(poses_in_world.col(f - 1), poses_in_world.col(f),
                          static_cast<double>(i) / substeps));
-      simulator.Step(1 / (fps * substeps), dummy.targets, dummy.colliders);
+      simulator.Step(1 / (fps * substeps), dummy.targets, dummy.colliders, kDamping);
     }
     for (Eigen::Index v = 0; v < frames[f].cols(); ++v) {
       const int particle = actor.cloth.particle[v];

@@ -23,7 +23,8 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kTextureSize = 1024;
-constexpr double kSettleS = 1.5;
+constexpr double kSettleS = 0.6;
+constexpr double kSettleDamping = 8;  // per second
 constexpr double kSettleStepS = 1.0 / 480;
 
 // Points from a to b, both included, about `step` apart.
@@ -36,17 +37,17 @@ void AddPlanes(double a, double b, double step, std::vector<double>* planes) {
 std::array<std::vector<double>, 3> GridPlanes(const BodyFrame& f) {
   std::array<std::vector<double>, 3> planes;
   std::vector<double> half;
-  AddPlanes(0, 0.13, 0.0085, &half);
-  AddPlanes(0.13, f.wrist.x() - 0.01, 0.0125, &half);
-  AddPlanes(f.wrist.x() - 0.01, f.fingertip.x() + 0.025, 0.0075, &half);
+  AddPlanes(0, 0.13, 0.0098, &half);
+  AddPlanes(0.13, f.wrist.x() - 0.01, 0.0145, &half);
+  AddPlanes(f.wrist.x() - 0.01, f.fingertip.x() + 0.025, 0.0085, &half);
   for (size_t i = half.size(); i-- > 1;) planes[0].push_back(-half[i]);
   planes[0].insert(planes[0].end(), half.begin(), half.end());
-  AddPlanes(-f.hips_height - 0.012, f.ankle.y() + 0.02, 0.0085, &planes[1]);
-  AddPlanes(f.ankle.y() + 0.02, -0.03, 0.0125, &planes[1]);
-  AddPlanes(-0.03, f.neck.y() + 0.02, 0.0105, &planes[1]);
-  AddPlanes(f.neck.y() + 0.02, f.crown.y() + 0.025, 0.0062, &planes[1]);
+  AddPlanes(-f.hips_height - 0.012, f.ankle.y() + 0.02, 0.0095, &planes[1]);
+  AddPlanes(f.ankle.y() + 0.02, -0.03, 0.0145, &planes[1]);
+  AddPlanes(-0.03, f.neck.y() + 0.02, 0.0125, &planes[1]);
+  AddPlanes(f.neck.y() + 0.02, f.crown.y() + 0.025, 0.0070, &planes[1]);
   AddPlanes(-0.16, -0.085, 0.0125, &planes[2]);
-  AddPlanes(-0.085, 0.085, 0.0078, &planes[2]);
+  AddPlanes(-0.085, 0.085, 0.0090, &planes[2]);
   AddPlanes(0.085, 0.17, 0.0105, &planes[2]);
   return planes;
 }
@@ -198,7 +199,7 @@ void Settle(const ClothModel& model, TriangleMesh* mesh) {
     colliders.push_back(collider.capsule);
   ClothSimulator simulator(model, positions, colliders);
   for (double t = 0; t < kSettleS; t += kSettleStepS) {
-    simulator.Step(kSettleStepS, positions, colliders);
+    simulator.Step(kSettleStepS, positions, colliders, kSettleDamping);
   }
   for (Eigen::Index v = 0; v < mesh->positions.cols(); ++v) {
     if (model.particle[v] >= 0) {

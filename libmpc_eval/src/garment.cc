@@ -11,6 +11,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kPi = std::numbers::pi;
+constexpr double kSheetRoom = 0.0065;  // between a sheet and the body's capsules
 
 struct Cut {
   double top_y;        // the waist
@@ -27,12 +28,26 @@ Cut MakeCut(const ActorShape& shape, Outfit outfit) {
   if (outfit == Outfit::kSkirt) {
     return {shape.waist_y() + 0.012, knee + 0.01, 0.42, 0.004, 0, 24, 72};
   }
-  return {shape.waist_y(), knee - 0.05, 0.22, 0.004, 0.10, 26, 64};
+  return {shape.waist_y(), knee - 0.05, 0.24, 0.005, 0.16, 26, 64};
 }
 
 double Smooth(double t) {
   t = std::clamp(t, 0.0, 1.0);
   return t * t * (3 - 2 * t);
+}
+
+// Cloth is cut to fit: a place inside or just above the body, moved out of it.
+Vector3d OutsideOf(const std::vector<ActorShape::PartCapsule>& body, Vector3d x) {
+  for (const ActorShape::PartCapsule& part : body) {
+    const Capsule& c = part.capsule;
+    const Vector3d along = c.b - c.a;
+    const double squared = along.squaredNorm();
+    const double s = squared > 0 ? std::clamp(along.dot(x - c.a) / squared, 0.0, 1.0) : 0.0;
+    const Vector3d out = x - c.a - s * along;
+    const double radius = c.radius_a + s * (c.radius_b - c.radius_a) + kSheetRoom;
+    if (out.norm() < radius) x += (radius - out.norm()) * out.normalized();
+  }
+  return x;
 }
 
 double Length(const TriangleMesh& mesh, int a, int b) {
@@ -51,6 +66,7 @@ Sheet MakeSheet(const ActorShape& shape, Outfit outfit) {
   sheet.closed = cut.opening_rad == 0;
   const double length = cut.top_y - cut.bottom_y;
   const Solid::Station top = shape.TrunkSection(cut.top_y);
+  const std::vector<ActorShape::PartCapsule> body = shape.Capsules();
   const int num_particles = sheet.num_particles();
   sheet.mesh.positions.resize(3, num_particles);
   sheet.parts.setConstant(3, num_particles, static_cast<int>(kHips));
@@ -67,9 +83,9 @@ Sheet MakeSheet(const ActorShape& shape, Outfit outfit) {
       const double wave = 0.035 * t * std::sin(9 * angle + 0.7) + 0.025 * t * std::sin(5 * angle);
       const double wide = (cut.room + cut.flare * down) * (1 + wave);
       const int p = sheet.At(r, c);
-      sheet.mesh.positions.col(p) = Vector3d((top.ru + wide) * std::sin(angle), cut.top_y - down,
-                                             top.v + (top.rv + wide) * std::cos(angle))
-                                        .cast<float>();
+      const Vector3d x((top.ru + wide) * std::sin(angle), cut.top_y - down,
+                       top.v + (top.rv + wide) * std::cos(angle));
+      sheet.mesh.positions.col(p) = OutsideOf(body, x).cast<float>();
       // The legs carry some of it, each its side.
       const double legs = 0.7 * Smooth(t);
       const double left = Smooth(0.5 + 0.7 * std::sin(angle));

@@ -1,5 +1,7 @@
 #include "iso_surface.h"
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <vector>
 
@@ -57,6 +59,52 @@ void CloseDiagonalFaces(Grid* grid) {
   }
 }
 
+// Numbers the pieces of neighbouring grid points that are all inside or all outside.
+std::vector<int> Pieces(const Grid& grid, std::vector<int>* sizes) {
+  std::vector<int> piece(grid.values.size(), -1);
+  const std::array<int, 3> stride = {1, grid.size.x(), grid.size.x() * grid.size.y()};
+  std::vector<int> open;
+  for (int start = 0; start < static_cast<int>(piece.size()); ++start) {
+    if (piece[start] >= 0) continue;
+    const auto number = static_cast<int>(sizes->size());
+    sizes->push_back(0);
+    piece[start] = number;
+    open.assign(1, start);
+    while (!open.empty()) {
+      const int i = open.back();
+      open.pop_back();
+      ++sizes->back();
+      for (int axis = 0; axis < 3; ++axis) {
+        const int at = i / stride[axis] % grid.size[axis];
+        for (const int step : {-1, 1}) {
+          if (at + step < 0 || at + step >= grid.size[axis]) continue;
+          const int next = i + step * stride[axis];
+          if (piece[next] >= 0 || (grid.values[next] < 0) != (grid.values[i] < 0)) continue;
+          piece[next] = number;
+          open.push_back(next);
+        }
+      }
+    }
+  }
+  return piece;
+}
+
+// Fills hollows and drops crumbs: what stays is the largest body. Makes no new diagonal faces.
+void KeepOneBody(Grid* grid) {
+  std::vector<int> sizes;
+  const std::vector<int> piece = Pieces(*grid, &sizes);
+  int body = -1;
+  for (size_t i = 0; i < piece.size(); ++i) {
+    if (grid->values[i] < 0 && (body < 0 || sizes[piece[i]] > sizes[body])) body = piece[i];
+  }
+  const int outside = piece[0];
+  for (size_t i = 0; i < piece.size(); ++i) {
+    double& value = grid->values[i];
+    if (piece[i] == body || piece[i] == outside) continue;
+    value = value < 0 ? -value : std::min(-value, -1e-9);
+  }
+}
+
 // Mean of the crossings on the cell's twelve edges; false when there are none.
 bool CellVertex(const Grid& grid, const Eigen::Vector3i& cell, Eigen::Vector3d* vertex) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -84,14 +132,15 @@ Eigen::Vector3d OntoSurface(const std::function<double(const Eigen::Vector3d&)>&
                             Eigen::Vector3d x, double cell) {
   const double step = 1e-3 * cell;
   for (int iteration = 0; iteration < 3; ++iteration) {
+    const double here = distance(x);
+    if (std::abs(here) < step) break;
     Eigen::Vector3d gradient;
     for (int axis = 0; axis < 3; ++axis) {
-      const Eigen::Vector3d offset = step * Eigen::Vector3d::Unit(axis);
-      gradient[axis] = (distance(x + offset) - distance(x - offset)) / (2 * step);
+      gradient[axis] = (distance(x + step * Eigen::Vector3d::Unit(axis)) - here) / step;
     }
     const double slope = gradient.squaredNorm();
     if (slope < 0.05) break;
-    Eigen::Vector3d move = -distance(x) / slope * gradient;
+    Eigen::Vector3d move = -here / slope * gradient;
     if (move.norm() > 0.25 * cell) move *= 0.25 * cell / move.norm();
     x += move;
   }
@@ -114,11 +163,18 @@ TriangleMesh ExtractSurface(const std::function<double(const Eigen::Vector3d&)>&
   };
   const Eigen::Vector3i zero = Eigen::Vector3i::Zero();
   const Eigen::Vector3i one = Eigen::Vector3i::Ones();
+  // Where the surface is far away it need not be asked at every point of a row.
+  double known_x = 0, known = 0;
   for_each(zero, grid.size, [&](const Eigen::Vector3i& i) {
-    grid.values[grid.Index(i)] = distance(grid.Position(i));
+    const double x = planes[0][i.x()];
+    if (i.x() == 0 || x - known_x > 0.5 * std::abs(known)) {
+      known = distance(grid.Position(i));
+      known_x = x;
+    }
+    grid.values[grid.Index(i)] = known;
   });
-
   CloseDiagonalFaces(&grid);
+  KeepOneBody(&grid);
 
   std::vector<int> vertex_of_cell(grid.values.size(), -1);
   std::vector<Eigen::Vector3d> vertices;

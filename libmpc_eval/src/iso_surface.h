@@ -12,7 +12,8 @@
 
 namespace mpc {
 
-// distance(x) is negative inside and grows about like a distance. `planes` are the increasing x, y
+// distance(x) is negative inside and grows about like a distance, at most twice as fast. Of several
+// bodies the largest is taken, and hollows are filled. `planes` are the increasing x, y
 // and z coordinates of the grid's planes; the surface must lie inside with a cell to spare.
 // Triangles are counter-clockwise seen from outside (the positive side).
 TriangleMesh ExtractSurface(const std::function<double(const Eigen::Vector3d&)>& distance,

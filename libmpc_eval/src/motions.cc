@@ -2,15 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <numbers>
-#include <string>
+#include <initializer_list>
+#include <limits>
 #include <vector>
 
 #include "floor.h"
+#include "motion_acts.h"
 #include "mpc/core/error.h"
 #include "mpc/core/rigid.h"
 #include "mpc/skeleton/kinematics.h"
@@ -18,156 +17,7 @@
 namespace mpc {
 namespace {
 
-constexpr double kPi = std::numbers::pi;
-constexpr double kDegree = kPi / 180;
 constexpr double kMaxFrames = 1e6;
-
-// One pose whose hinges are set by name; angles are clamped to the bounds.
-class PoseBuilder {
- public:
-  explicit PoseBuilder(const Skeleton& skeleton) : skeleton_(skeleton), pose_(ZeroPose(skeleton)) {}
-
-  void Root(const Eigen::Matrix3d& rotation, const Eigen::Vector3d& translation) {
-    pose_.head<3>() = translation;
-    pose_.segment<3>(3) = LogSO3(rotation);
-  }
-  void Angle(const std::string& hinge, double angle_rad) {
-    const auto it = std::find_if(skeleton_.hinges.begin(), skeleton_.hinges.end(),
-                                 [&](const Hinge& h) { return h.name == hinge; });
-    if (it == skeleton_.hinges.end()) {
-      throw Error(ErrorCode::kInvalidArgument,
-                  fmt::format("the skeleton has no hinge named {}, which motions need", hinge));
-    }
-    pose_[6 + (it - skeleton_.hinges.begin())] = std::clamp(angle_rad, it->min_rad, it->max_rad);
-  }
-  const Eigen::VectorXd& pose() const { return pose_; }
-
- private:
-  const Skeleton& skeleton_;
-  Eigen::VectorXd pose_;
-};
-
-Eigen::Matrix3d AboutX(double angle) {
-  return Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()).toRotationMatrix();
-}
-Eigen::Matrix3d AboutY(double angle) {
-  return Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
-}
-Eigen::Matrix3d AboutZ(double angle) {
-  return Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-}
-
-// 0 to 1 with zero speed and acceleration at both ends.
-double SmoothStep(double x) { return x * x * x * (x * (6 * x - 15) + 10); }
-
-void ArmsDown(PoseBuilder* body) {
-  for (const std::string side : {"left_", "right_"}) {
-    body->Angle(side + "shoulder_abduction", -78 * kDegree);
-    body->Angle(side + "elbow_flexion", 15 * kDegree);
-  }
-}
-
-// One leg of a step: phase 0 is heel strike, pi toe off, 3 pi / 2 the middle of the swing.
-// The sole stays nearly level while the foot carries.
-void StepLeg(const std::string& side, double phase, double stride_rad, double lift_rad,
-             PoseBuilder* body) {
-  const double hip =
-      0.25 * stride_rad +
-      0.3 * lift_rad * std::max(0.0, -std::sin(phase)) * std::max(0.0, -std::sin(phase)) +
-      stride_rad * std::cos(phase);
-  const double swing = 0.5 * (1 - std::sin(phase));
-  const double knee = 0.12 + lift_rad * swing * swing * swing;
-  body->Angle(side + "hip_flexion", hip);
-  body->Angle(side + "knee_flexion", knee);
-  body->Angle(side + "ankle_flexion", 0.8 * (knee - hip));
-}
-
-void Walk(double t, double, PoseBuilder* body) {
-  const double phase = 2 * kPi * 0.9 * t;
-  const double turn_rad_per_s = 0.9;
-  body->Root(AboutY(turn_rad_per_s * t) * AboutZ(0.03 * std::sin(phase)), {0, 0, 0});
-  ArmsDown(body);
-  StepLeg("left_", phase, 0.40, 0.95, body);
-  StepLeg("right_", phase + kPi, 0.40, 0.95, body);
-  body->Angle("left_shoulder_flexion", -0.45 * std::cos(phase));
-  body->Angle("right_shoulder_flexion", 0.45 * std::cos(phase));
-  body->Angle("left_elbow_flexion", 0.45 - 0.25 * std::cos(phase));
-  body->Angle("right_elbow_flexion", 0.45 + 0.25 * std::cos(phase));
-  body->Angle("spine_flexion", 0.06);
-  body->Angle("spine_twist", 0.12 * std::cos(phase));
-  body->Angle("neck_twist", 0.25 * std::sin(0.7 * t));
-}
-
-void Squat(double t, double, PoseBuilder* body) {
-  const double depth = 0.5 * (1 - std::cos(2 * kPi * 0.4 * t));
-  const double lean = 0.45 * depth;
-  body->Root(AboutX(lean), {0, 0, 0});
-  ArmsDown(body);
-  for (const std::string side : {"left_", "right_"}) {
-    const double hip = 1.90 * depth;
-    const double knee = 1.85 * depth;
-    body->Angle(side + "hip_flexion", hip);
-    body->Angle(side + "knee_flexion", knee);
-    body->Angle(side + "ankle_flexion", lean - hip + knee);  // keeps the sole level
-    body->Angle(side + "shoulder_flexion", 0.05 + 1.45 * depth);
-  }
-  body->Angle("spine_flexion", 0.15 * depth);
-  body->Angle("neck_flexion", -0.4 * depth);
-}
-
-void Turn(double t, double seconds, PoseBuilder* body) {
-  const double phase = 2 * kPi * 1.2 * t;
-  body->Root(AboutY(4 * kPi * SmoothStep(t / seconds)), {0, 0, 0});
-  ArmsDown(body);
-  StepLeg("left_", phase, 0.04, 0.7, body);
-  StepLeg("right_", phase + kPi, 0.04, 0.7, body);
-  for (const std::string side : {"left_", "right_"}) {
-    body->Angle(side + "shoulder_abduction", -0.9 + 0.3 * std::sin(2 * kPi * 0.5 * t));
-    body->Angle(side + "elbow_flexion", 0.5);
-  }
-}
-
-void Reach(double t, double, PoseBuilder* body) {
-  const double slow = 2 * kPi * 0.3 * t;
-  const double raise = 0.5 * (1 - std::cos(slow));
-  body->Root(AboutY(0.3 * std::sin(slow)), {0, 0, 0});
-  ArmsDown(body);
-  body->Angle("right_shoulder_abduction", -1.36 + 2.5 * raise);
-  body->Angle("right_elbow_flexion", 0.3 + raise * (0.6 + 0.5 * std::sin(2 * kPi * 1.2 * t)));
-  body->Angle("left_shoulder_flexion", 1.5 * raise);
-  body->Angle("left_elbow_flexion", 0.5 - 0.4 * raise);
-  body->Angle("spine_flexion", 0.5 * raise);
-  body->Angle("spine_lateral", 0.2 * std::sin(slow));
-  body->Angle("spine_twist", 0.35 * std::sin(slow));
-  body->Angle("neck_twist", 0.6 * std::sin(2 * slow));
-  body->Angle("head_nod", 0.15 * std::sin(slow));
-  for (const std::string side : {"left_", "right_"}) {
-    const double knee = 0.15 + 0.25 * raise;
-    body->Angle(side + "hip_abduction", 0.15);
-    body->Angle(side + "hip_flexion", 0.5 * knee);
-    body->Angle(side + "knee_flexion", knee);
-    body->Angle(side + "ankle_flexion", 0.5 * knee);
-    body->Angle(side + "ankle_eversion", -0.15);
-  }
-}
-
-void Roll(double t, double seconds, PoseBuilder* body) {
-  const double roll = 2 * kPi * SmoothStep(t / seconds);
-  const double trunk_radius_m = 0.15;
-  // Head towards +x, lying on the back, then rolling about the long axis towards +z.
-  body->Root(AboutX(roll) * AboutZ(-0.5 * kPi) * AboutY(-0.5 * kPi),
-             {0, 0, trunk_radius_m * (roll - kPi)});
-  ArmsDown(body);
-  const double tuck = std::sin(0.5 * roll) * std::sin(0.5 * roll);
-  for (const std::string side : {"left_", "right_"}) {
-    body->Angle(side + "shoulder_flexion", 0.7 * tuck);
-    body->Angle(side + "elbow_flexion", 0.26 + 1.5 * tuck);
-    body->Angle(side + "hip_flexion", 0.2 + 0.5 * tuck);
-    body->Angle(side + "knee_flexion", 0.2 + 0.8 * tuck);
-    body->Angle(side + "ankle_flexion", -0.4);
-  }
-  body->Angle("neck_flexion", 0.3);
-}
 
 // Heights of all joints (x = row 0, y = row 1, z = row 2 of each triple).
 Eigen::VectorXd Heights(const Eigen::VectorXd& joints) {
@@ -210,6 +60,54 @@ void PutOnFloor(const Skeleton& skeleton, double temperature, Eigen::MatrixXd* p
   poses->row(1).array() -= lowest;
 }
 
+Eigen::VectorXd PoseAt(const Skeleton& skeleton, MotionKind kind, double t, double seconds) {
+  PoseBuilder body(skeleton);
+  Act(kind, t, seconds, &body);
+  return body.pose();
+}
+
+// Moves the root horizontally so that the mean of some joints stays where it is, in the air too.
+void StandOn(const Skeleton& skeleton, std::initializer_list<JointId> feet,
+             Eigen::MatrixXd* poses) {
+  const Eigen::MatrixXd joints = JointTrajectories(skeleton, *poses);
+  Eigen::MatrixXd mean = Eigen::MatrixXd::Zero(3, poses->cols());
+  for (const JointId id : feet) {
+    mean +=
+        joints.middleRows<3>(3 * skeleton.FindJointIndex(id)) / static_cast<double>(feet.size());
+  }
+  for (const int axis : {0, 2}) poses->row(axis).array() -= mean.row(axis).array() - mean(axis, 0);
+}
+
+// The lowest joint on the floor, but between take-off and landing a free fall that joins the
+// heights there.
+void FlyAndStand(const Skeleton& skeleton, double seconds, double fps, double temperature,
+                 Eigen::MatrixXd* poses) {
+  constexpr double kGravity = 9.81;
+  const auto standing = [&](double t) {
+    const Eigen::MatrixXd pose = PoseAt(skeleton, MotionKind::kJump, t, seconds);
+    return -SoftMin(Heights(JointTrajectories(skeleton, pose).col(0)), temperature);
+  };
+  for (Eigen::Index f = 0; f < poses->cols(); ++f) {
+    const double t = static_cast<double>(f) / fps;
+    const Flight flight = FlightAt(t);
+    double height = standing(t);
+    if (t > flight.takeoff_s && t < flight.landing_s) {
+      const double from = standing(flight.takeoff_s);
+      const double to = standing(flight.landing_s);
+      const double flown = (t - flight.takeoff_s) / (flight.landing_s - flight.takeoff_s);
+      height = from + flown * (to - from) +
+               0.5 * kGravity * (t - flight.takeoff_s) * (flight.landing_s - t);
+    }
+    (*poses)(1, f) += height;
+  }
+  const Eigen::MatrixXd joints = JointTrajectories(skeleton, *poses);
+  double lowest = std::numeric_limits<double>::infinity();
+  for (Eigen::Index f = 0; f < joints.cols(); ++f) {
+    lowest = std::min(lowest, Heights(joints.col(f)).minCoeff());
+  }
+  poses->row(1).array() -= lowest;
+}
+
 }  // namespace
 
 std::string_view MotionName(MotionKind kind) {
@@ -224,6 +122,18 @@ std::string_view MotionName(MotionKind kind) {
       return "reach";
     case MotionKind::kRoll:
       return "roll";
+    case MotionKind::kTurnAround:
+      return "turnaround";
+    case MotionKind::kJump:
+      return "jump";
+    case MotionKind::kKick:
+      return "kick";
+    case MotionKind::kSit:
+      return "sit";
+    case MotionKind::kWave:
+      return "wave";
+    case MotionKind::kBend:
+      return "bend";
   }
   throw Error(ErrorCode::kInvalidArgument, "not a MotionKind");
 }
@@ -235,30 +145,21 @@ Eigen::MatrixXd MakeMotion(const Skeleton& skeleton, MotionKind kind, double sec
         ErrorCode::kInvalidArgument,
         fmt::format("a motion of {} s at {} fps has no sensible number of frames", seconds, fps));
   }
-  const auto move = [kind] {
-    switch (kind) {
-      case MotionKind::kWalk:
-        return Walk;
-      case MotionKind::kSquat:
-        return Squat;
-      case MotionKind::kTurn:
-        return Turn;
-      case MotionKind::kReach:
-        return Reach;
-      case MotionKind::kRoll:
-        return Roll;
-    }
-    throw Error(ErrorCode::kInvalidArgument, "not a MotionKind");
-  }();
   Eigen::MatrixXd poses(skeleton.num_dofs(), static_cast<Eigen::Index>(frames));
   for (Eigen::Index f = 0; f < poses.cols(); ++f) {
-    PoseBuilder body(skeleton);
-    move(static_cast<double>(f) / fps, seconds, &body);
-    poses.col(f) = body.pose();
+    poses.col(f) = PoseAt(skeleton, kind, static_cast<double>(f) / fps, seconds);
   }
   const double temperature_m = 0.004;
-  if (kind == MotionKind::kWalk || kind == MotionKind::kSquat || kind == MotionKind::kReach) {
+  const bool in_place = kind == MotionKind::kTurn || kind == MotionKind::kRoll;
+  if (kind == MotionKind::kKick) {
+    StandOn(skeleton, {JointId::kLeftToe}, &poses);
+  } else if (!in_place && kind != MotionKind::kJump) {
     PlantFeet(skeleton, temperature_m, &poses);
+  }
+  if (kind == MotionKind::kJump) {
+    StandOn(skeleton, {JointId::kLeftToe, JointId::kRightToe}, &poses);
+    FlyAndStand(skeleton, seconds, fps, temperature_m, &poses);
+    return poses;
   }
   PutOnFloor(skeleton, temperature_m, &poses);
   return poses;

@@ -34,8 +34,12 @@ Eigen::Vector3f Normal(const TriangleMesh& mesh, int t) {
   return (b - a).cross(c - a).normalized();
 }
 
-// Label of each triangle: its group and the axis it looks along most, of 6; specks are given to
-// their neighbours.
+// Numbers the connected pieces of equal label.
+std::vector<int> Pieces(const std::vector<int>& label,
+                        const std::vector<std::array<int, 3>>& neighbours);
+
+// Label of each triangle: its group and the axis it looks along most, of 6; small pieces are given
+// to their neighbours.
 std::vector<int> AxisLabels(const TriangleMesh& mesh, const std::vector<int>& group,
                             const std::vector<std::array<int, 3>>& neighbours) {
   const int num_triangles = static_cast<int>(mesh.triangles.cols());
@@ -64,10 +68,25 @@ std::vector<int> AxisLabels(const TriangleMesh& mesh, const std::vector<int>& gr
     }
   }
   for (int t = 0; t < num_triangles; ++t) label[t] += 6 * group[t];
+  constexpr int kSmallPiece = 80;  // triangles
+  for (int round = 0; round < kRounds; ++round) {
+    const std::vector<int> piece = Pieces(label, neighbours);
+    std::vector<int> count(piece.size(), 0);
+    for (const int p : piece) ++count[p];
+    for (int t = 0; t < num_triangles; ++t) {
+      if (count[piece[t]] >= kSmallPiece) continue;
+      for (const int n : neighbours[t]) {
+        if (n >= 0 && group[n] == group[t] && count[piece[n]] > count[piece[t]] &&
+            facing(t, label[n] % 6) > 0.05F) {
+          label[t] = label[n];
+          break;
+        }
+      }
+    }
+  }
   return label;
 }
 
-// Numbers the connected pieces of equal label.
 std::vector<int> Pieces(const std::vector<int>& label,
                         const std::vector<std::array<int, 3>>& neighbours) {
   std::vector<int> piece(label.size(), -1);
@@ -204,7 +223,10 @@ cv::Mat PaintAtlas(
     const TextureAtlas& atlas,
     const std::function<cv::Vec3b(int triangle, const Eigen::Vector3f& barycentric)>& colour) {
   cv::Mat picture(atlas.size, atlas.size, CV_8UC3, cv::Scalar(128, 128, 128));
-  cv::Mat reach(atlas.size, atlas.size, CV_32F, cv::Scalar(1e9));  // how far outside, texels
+  // Per texel: its triangle, where in it, and how far outside in texels.
+  std::vector<int> triangle(static_cast<size_t>(atlas.size) * atlas.size, -1);
+  std::vector<Eigen::Vector3f> place(triangle.size());
+  std::vector<float> reach(triangle.size(), 1e9F);
   for (int t = 0; t < atlas.triangles.cols(); ++t) {
     Eigen::Matrix<float, 2, 3> p;
     for (int i = 0; i < 3; ++i) {
@@ -225,16 +247,20 @@ cv::Mat PaintAtlas(
         const Eigen::Vector2f d = Eigen::Vector2f(x, y) - p.col(0);
         const float b1 = (d.x() * e2.y() - d.y() * e2.x()) / area;
         const float b2 = (e1.x() * d.y() - e1.y() * d.x()) / area;
-        Eigen::Vector3f b(1 - b1 - b2, b1, b2);
+        const Eigen::Vector3f b(1 - b1 - b2, b1, b2);
         // Height over an edge is about its barycentric times the triangle's height.
         const float outside = std::max(0.0F, -b.minCoeff()) * std::abs(area) / longest;
-        float& best = reach.at<float>(y, x);
-        if (outside > kMargin || outside >= best) continue;
-        best = outside;
-        b = b.cwiseMax(0);
-        picture.at<cv::Vec3b>(y, x) = colour(t, b / b.sum());
+        const size_t i = static_cast<size_t>(y) * atlas.size + x;
+        if (outside > kMargin || outside >= reach[i]) continue;
+        reach[i] = outside;
+        triangle[i] = t;
+        place[i] = b.cwiseMax(0);
       }
     }
+  }
+  for (size_t i = 0; i < triangle.size(); ++i) {
+    if (triangle[i] < 0) continue;
+    picture.at<cv::Vec3b>(static_cast<int>(i)) = colour(triangle[i], place[i] / place[i].sum());
   }
   return picture;
 }

@@ -172,7 +172,11 @@ void AddMesh(const RigMesh& rig_mesh, ModelBuilder* builder) {
   }
   primitive.attributes["POSITION"] = position;
   Eigen::Matrix3Xf normals;
-  VertexNormals(positions, rig_mesh.mesh.triangles, &normals);
+  // Smooth over seams of the texture.
+  const std::vector<int> welded = WeldedVertices(positions);
+  VertexNormals(positions, rig_mesh.mesh.triangles.unaryExpr([&](int v) { return welded[v]; }),
+                &normals);
+  normals = normals(Eigen::all, welded).eval();
   for (Eigen::Index v = 0; v < normals.cols(); ++v) {
     if (normals.col(v).isZero()) normals.col(v) = Eigen::Vector3f::UnitY();
   }

@@ -9,6 +9,8 @@
 #include "io/run_program.h"
 #include "io/temp_dir.h"
 #include "io/test_gltf.h"
+#include "mpc/eval/dressed_actor.h"
+#include "mpc/io/rig_gltf.h"
 #include "mpc/skeleton/proportions.h"
 #include "mpc/skeleton/rig_map.h"
 #include "support/data_dir.h"
@@ -89,6 +91,14 @@ TEST_F(ValidatorTest, SyntheticRigs) {
   for (const testing::TestGltfOptions& options : testing::TestGltfVariants()) {
     testing::TestGltf file(testing::MakeTestRig({.arm_down_rad = 0.8}), options);
     CheckHumanoid(dir_.Write(options.data_uri ? "a.gltf" : "a.glb", file.Bytes()));
+  }
+}
+
+TEST_F(ValidatorTest, TheDressedActorWithItsTexture) {
+  for (const Outfit outfit : kAllOutfits) {
+    WriteRigGltf(dir_ / "actor.glb", MakeDressedActor({.outfit = outfit}).rig);
+    for (const auto& [code, count] : Issues(dir_ / "actor.glb")) ADD_FAILURE() << code << count;
+    CheckHumanoid(dir_ / "actor.glb");
   }
 }
 

@@ -13,22 +13,29 @@
 namespace mpc {
 
 enum class MotionKind {
-  kWalk,   // on a circle, the supporting foot at rest
-  kSquat,  // deep knee bends, arms swinging forward
-  kTurn,   // 720 degrees on the spot, stepping
-  kReach,  // one arm waves overhead, the other reaches, the trunk bends and twists
-  kRoll,   // lying on the floor, rolling over sideways by 360 degrees
+  kWalk,        // on a circle, the supporting foot at rest
+  kSquat,       // deep knee bends, arms swinging forward
+  kTurn,        // 720 degrees on the spot, stepping
+  kReach,       // one arm waves overhead, the other reaches, the trunk bends and twists
+  kRoll,        // lying on the floor, rolling over sideways by 360 degrees
+  kTurnAround,  // walks straight on, turns around, walks back
+  kJump,        // from a crouch straight up, in free fall, landing on bent knees
+  kKick,        // the right leg swings up in front
+  kSit,         // down onto a seat that is not there, and up again
+  kWave,        // one hand beside the head
+  kBend,        // bows down to the floor
 };
-inline constexpr std::array<MotionKind, 5> kAllMotions = {MotionKind::kWalk, MotionKind::kSquat,
-                                                          MotionKind::kTurn, MotionKind::kReach,
-                                                          MotionKind::kRoll};
+inline constexpr std::array<MotionKind, 11> kAllMotions = {
+    MotionKind::kWalk, MotionKind::kSquat,      MotionKind::kTurn, MotionKind::kReach,
+    MotionKind::kRoll, MotionKind::kTurnAround, MotionKind::kJump, MotionKind::kKick,
+    MotionKind::kSit,  MotionKind::kWave,       MotionKind::kBend};
 
 // Short lower-case name, such as "walk".
 std::string_view MotionName(MotionKind kind);
 
 // The motion for a skeleton with the default skeleton's hinge names, round(seconds * fps) frames
 // starting at t = 0, around the origin, inside the hinge bounds. The lowest joint stays near the
-// floor and touches y = 0 at least once. Throws Error (kInvalidArgument) for an unknown skeleton or
+// floor, jumps apart, and touches y = 0 at least once. Throws Error (kInvalidArgument) for an unknown skeleton or
 // for seconds * fps outside [1, 1e6].
 Eigen::MatrixXd MakeMotion(const Skeleton& skeleton, MotionKind kind, double seconds, double fps);
 

@@ -19,14 +19,16 @@ void RefinementSmoother::Push(const Eigen::VectorXd& batch_pose, FrameRefinement
 
 bool RefinementSmoother::Pop(SmoothedFrame* frame) {
   const int half = options_.window_frames / 2;
+  // Poses of frames that were not refined are filled from windows of their own.
+  const int reach = 2 * half;
   const int end = first_ + static_cast<int>(window_.size());  // of what was pushed
-  if (next_ >= end || (!ended_ && next_ + half >= end)) return false;
+  if (next_ >= end || (!ended_ && next_ + reach >= end)) return false;
   const auto entry = [&](int f) -> const Entry& {
     return window_[static_cast<size_t>(f - first_)];
   };
 
-  const int begin = std::max(next_ - half, 0);
-  const int count = std::min(next_ + half + 1, end) - begin;
+  const int begin = std::max(next_ - reach, 0);
+  const int count = std::min(next_ + reach + 1, end) - begin;
   const Eigen::Index num_dofs = entry(next_).batch_pose.size();
   Eigen::MatrixXd batch(num_dofs, count);
   Eigen::MatrixXd refined(num_dofs, count);
@@ -43,9 +45,8 @@ bool RefinementSmoother::Pop(SmoothedFrame* frame) {
   SkinCharacter(*character_, state, &frame->vertices);
 
   std::vector<Eigen::Matrix3Xf> displacements(static_cast<size_t>(options_.window_frames));
-  for (int i = 0; i < count; ++i) {
-    displacements[static_cast<size_t>(begin + i - (next_ - half))] =
-        entry(begin + i).refinement.displacements;
+  for (int f = std::max(next_ - half, 0); f < std::min(next_ + half + 1, end); ++f) {
+    displacements[static_cast<size_t>(f - (next_ - half))] = entry(f).refinement.displacements;
   }
   Eigen::Matrix3Xf smoothed = SmoothDisplacements(displacements, options_);
   if (smoothed.size() > 0) {
@@ -53,7 +54,7 @@ bool RefinementSmoother::Pop(SmoothedFrame* frame) {
     frame->vertices += smoothed;
   }
   ++next_;
-  while (first_ < next_ - half) {
+  while (first_ < next_ - reach) {
     window_.pop_front();
     ++first_;
   }

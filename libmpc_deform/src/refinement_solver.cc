@@ -110,10 +110,12 @@ RefinementSolve SolveRefinement(const RefinementProblem& problem, double relativ
       continue;
     }
     const double decrease = (cost - trial_cost) / cost;
+    const double predicted = -step.dot(2 * gradient + hessian * step) / cost;
     std::swap(current, trial);
     cost = trial_cost;
     damping = std::max(damping / 5, 1e-8);
-    if (decrease < relative_tolerance) break;
+    // A step that did less than it promised shows a bad model, not the end.
+    if (std::max(decrease, predicted) < relative_tolerance) break;
     if (solve.steps < max_steps) problem.Evaluate(&current, &r, &jacobian);
     linearised = false;
   }

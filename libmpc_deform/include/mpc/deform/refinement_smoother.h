@@ -1,5 +1,5 @@
 // Purpose: the refined frames of a clip, smoothed over time as they come: frames go in, in their
-// order, and come out half a window later.
+// order, and come out a window later.
 // Source: paper, end of Section 5; mpc/deform/temporal_smoothing.h.
 // Frames: camera frame. Units: metres. Symbols: N dofs, V vertices.
 #pragma once

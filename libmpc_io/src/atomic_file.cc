@@ -41,7 +41,7 @@ class Descriptor {
   int fd_;
 };
 
-void WriteAll(const fs::path& file, const fs::path& shown, std::string_view data, bool sync) {
+void WriteAll(const fs::path& file, const fs::path& shown, std::string_view data) {
   Descriptor out(::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
   if (out.get() < 0) ThrowWriteFailed(shown, std::strerror(errno));
   size_t done = 0;
@@ -55,7 +55,6 @@ void WriteAll(const fs::path& file, const fs::path& shown, std::string_view data
     }
     done += static_cast<size_t>(n);
   }
-  if (sync && ::fsync(out.get()) != 0) ThrowWriteFailed(shown, std::strerror(errno));
   if (!out.Close()) ThrowWriteFailed(shown, std::strerror(errno));
 }
 
@@ -89,6 +88,8 @@ AtomicFile::~AtomicFile() {
 }
 
 void AtomicFile::Commit() {
+  Descriptor file(::open(temporary_.c_str(), O_RDONLY | O_CLOEXEC));
+  if (file.get() < 0 || ::fsync(file.get()) != 0) ThrowWriteFailed(path_, std::strerror(errno));
   std::error_code ec;
   fs::rename(temporary_, path_, ec);
   if (ec) ThrowWriteFailed(path_, ec.message());
@@ -96,11 +97,11 @@ void AtomicFile::Commit() {
 
 void WriteFileAtomically(const fs::path& path, std::string_view data) {
   if (IsDevice(path)) {
-    WriteAll(path, path, data, /*sync=*/false);
+    WriteAll(path, path, data);
     return;
   }
   AtomicFile file(path);
-  WriteAll(file.temporary(), path, data, /*sync=*/true);
+  WriteAll(file.temporary(), path, data);
   file.Commit();
 }
 

@@ -48,6 +48,7 @@ struct GltfRig {
   std::vector<int> mesh_skin;                   // per rig mesh: the file's skin
   std::vector<Eigen::Affine3d> skin_placement;  // per skin of the file: scene from mesh at bind
   std::vector<std::vector<int>> skin_bones;     // per skin and joint: index of the rig's bone
+  std::vector<std::vector<Eigen::Affine3d>> skin_bone_from_mesh;  // the same: inverse bind matrix
 };
 
 GltfRig BuildRig(const GltfDocument& document);

@@ -93,7 +93,7 @@ class RigBuilder {
     out_.rig.source = document.source;
     out_.skin_placement.resize(document.model.skins.size(), Eigen::Affine3d::Identity());
     out_.skin_bones.resize(document.model.skins.size());
-    bone_from_mesh_.resize(document.model.skins.size());
+    out_.skin_bone_from_mesh.resize(document.model.skins.size());
   }
 
   GltfRig Build() {
@@ -166,7 +166,7 @@ class RigBuilder {
       AddBone(skin_index, skin.joints[j], placement, bone_from_mesh[j]);
     }
     out_.skin_placement[skin_index] = placement;
-    bone_from_mesh_[skin_index] = std::move(bone_from_mesh);
+    out_.skin_bone_from_mesh[skin_index] = std::move(bone_from_mesh);
   }
 
   // A bone that several skins share keeps the pose of the first.
@@ -242,7 +242,7 @@ class RigBuilder {
     std::vector<Eigen::Affine3d> scene_from_mesh;
     for (size_t j = 0; j < out_.skin_bones[skin].size(); ++j) {
       scene_from_mesh.push_back(out_.rig.bones[out_.skin_bones[skin][j]].scene_from_bone *
-                                bone_from_mesh_[skin][j]);
+                                out_.skin_bone_from_mesh[skin][j]);
     }
     positions->resize(3, x_in_mesh.cols());
     for (Eigen::Index v = 0; v < x_in_mesh.cols(); ++v) {
@@ -274,7 +274,6 @@ class RigBuilder {
   const GltfDocument& document_;
   GltfRig out_;
   std::map<int, size_t> bone_of_node_;
-  std::vector<std::vector<Eigen::Affine3d>> bone_from_mesh_;  // per skin and joint
 };
 
 }  // namespace

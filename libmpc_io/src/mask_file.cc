@@ -28,17 +28,17 @@ void CheckMask(const fs::path& path, const cv::Mat& mask) {
 }
 
 // 000000.png and the like.
-bool IsMaskName(const fs::path& path) {
+bool IsPictureName(const fs::path& path) {
   const std::string stem = path.stem().string();
   return path.extension() == ".png" && stem.size() >= kNumDigits &&
          std::all_of(stem.begin(), stem.end(), [](unsigned char c) { return std::isdigit(c); });
 }
 
-void RemoveMasks(const fs::path& folder) {
+void RemovePictures(const fs::path& folder) {
   std::error_code ec;
   std::vector<fs::path> old;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, ec)) {
-    if (IsMaskName(entry.path())) old.push_back(entry.path());
+    if (IsPictureName(entry.path())) old.push_back(entry.path());
   }
   for (const fs::path& path : old) fs::remove(path, ec);
 }
@@ -78,30 +78,42 @@ void MaskVideoWriter::Write(const cv::Mat& mask) {
   video_.Write(bgr_);
 }
 
-MaskFolderWriter::MaskFolderWriter(const fs::path& folder) : folder_(folder) {
+PictureFolderWriter::PictureFolderWriter(const fs::path& folder) : folder_(folder) {
   std::error_code ec;
   fs::create_directories(folder, ec);
   if (!fs::is_directory(folder, ec)) {
     throw Error(ErrorCode::kWriteFailed,
                 fmt::format("{} is not a folder and cannot be made one", folder.string()));
   }
-  RemoveMasks(folder);
+  RemovePictures(folder);
 }
 
-MaskFolderWriter::~MaskFolderWriter() {
+PictureFolderWriter::~PictureFolderWriter() {
   if (closed_) return;
-  RemoveMasks(folder_);
+  RemovePictures(folder_);
   std::error_code ec;
   fs::remove(folder_, ec);  // does nothing when other files are in it
 }
 
-void MaskFolderWriter::Write(const cv::Mat& mask) {
+void PictureFolderWriter::Write(const cv::Mat& picture) {
   const fs::path path = folder_ / fmt::format("{:0{}}.png", num_frames_, kNumDigits);
-  CheckMask(path, mask);
+  const bool is_mask = picture.type() == CV_8UC1;
+  if (picture.empty() || (!is_mask && picture.type() != CV_8UC3)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("{}: a picture of {} x {} and type {}, expected 8-bit BGR",
+                            path.string(), picture.cols, picture.rows, picture.type()));
+  }
+  std::vector<int> parameters;
+  if (is_mask) parameters = {cv::IMWRITE_PNG_BILEVEL, 1};
   std::vector<unsigned char> bytes;
-  cv::imencode(".png", mask, bytes, {cv::IMWRITE_PNG_BILEVEL, 1});
+  cv::imencode(".png", picture, bytes, parameters);
   WriteFileAtomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
   ++num_frames_;
+}
+
+void MaskFolderWriter::Write(const cv::Mat& mask) {
+  CheckMask(folder_, mask);
+  writer_.Write(mask);
 }
 
 }  // namespace mpc

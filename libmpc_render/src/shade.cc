@@ -27,9 +27,18 @@ void CheckSizes(const Camera& camera, Eigen::Index num_vertices, Eigen::Index nu
   check("texture coordinates", appearance.uv.cols(), num_vertices);
   check("vertex colours", appearance.vertex_bgr.cols(), num_vertices);
   check("triangle colours", appearance.triangle_bgr.cols(), num_triangles);
-  if (!appearance.texture.empty() &&
-      (appearance.texture.type() != CV_8UC3 || appearance.uv.cols() != num_vertices)) {
-    fail("a texture must be 8-bit BGR and needs coordinates for every vertex");
+  for (const cv::Mat& texture : appearance.textures) {
+    if (texture.empty()) continue;
+    if (texture.type() != CV_8UC3 || appearance.uv.cols() != num_vertices) {
+      fail("a texture must be 8-bit BGR and needs coordinates for every vertex");
+    }
+  }
+  const std::vector<int>& chosen = appearance.triangle_texture;
+  check("textures of triangles", static_cast<Eigen::Index>(chosen.size()), num_triangles);
+  const int num_textures = static_cast<int>(appearance.textures.size());
+  if (std::any_of(chosen.begin(), chosen.end(),
+                  [&](int texture) { return texture < 0 || texture >= num_textures; })) {
+    fail(fmt::format("a triangle has none of the {} textures", num_textures));
   }
   if (!appearance.uv.allFinite()) fail("a texture coordinate is not finite");
 }
@@ -77,7 +86,13 @@ void ShadeMesh(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera
     light[v] = std::isfinite(cosine) ? ambient + (1 - ambient) * cosine : 1.0f;
   }
   const Eigen::Vector3f single(appearance.bgr[0], appearance.bgr[1], appearance.bgr[2]);
-  const bool textured = !appearance.texture.empty();
+  const std::vector<cv::Mat>& textures = appearance.textures;
+  const auto texture_of = [&](int triangle) -> const cv::Mat* {
+    if (textures.empty()) return nullptr;
+    const std::vector<int>& chosen = appearance.triangle_texture;
+    const cv::Mat& texture = textures[chosen.empty() ? 0 : static_cast<size_t>(chosen[triangle])];
+    return texture.empty() ? nullptr : &texture;
+  };
   const bool per_vertex = appearance.vertex_bgr.cols() > 0;
   const bool per_triangle = appearance.triangle_bgr.cols() > 0;
   const auto opacity = static_cast<float>(alpha);
@@ -91,10 +106,10 @@ void ShadeMesh(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera
       const Eigen::Vector3i corner = triangles.col(ids[x]);
       const Eigen::Vector3f w(weights[x][0], weights[x][1], 1 - weights[x][0] - weights[x][1]);
       Eigen::Vector3f bgr = single;
-      if (textured) {
-        bgr = SampleTexture(appearance.texture, appearance.uv.col(corner[0]) * w[0] +
-                                                    appearance.uv.col(corner[1]) * w[1] +
-                                                    appearance.uv.col(corner[2]) * w[2]);
+      if (const cv::Mat* const texture = texture_of(ids[x])) {
+        bgr = SampleTexture(*texture, appearance.uv.col(corner[0]) * w[0] +
+                                          appearance.uv.col(corner[1]) * w[1] +
+                                          appearance.uv.col(corner[2]) * w[2]);
       } else if (per_vertex) {
         bgr = appearance.vertex_bgr.col(corner[0]) * w[0] +
               appearance.vertex_bgr.col(corner[1]) * w[1] +

@@ -1,7 +1,9 @@
 // Blender itself imports the written performance.glb and motion.bvh: every bone at every frame, the
-// skinned vertices and the camera are where ours are, to 0.1 mm.
+// vertices with morph targets and skin, and the camera are where ours are, to 0.1 mm; so are those of
+// the imported mesh with surface.pc2 in a Mesh Cache modifier.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "io/random_performance.h"
@@ -21,6 +23,7 @@ using Json = nlohmann::json;
 
 constexpr int kNumFrames = 24;
 constexpr int kFps = 30;
+constexpr std::array kComparedFrames = {0, 7, kNumFrames - 1};
 
 Json ToJson(const Eigen::Vector3d& x) { return {x.x(), x.y(), x.z()}; }
 
@@ -35,11 +38,14 @@ void CheckInBlender(const std::filesystem::path& source, const RigAsset& rig,
         Eigen::Translation3d(0.3 + 0.05 * f, 1.2, 4) *
         Eigen::AngleAxisd(3 + 0.02 * f, Eigen::Vector3d(1, 0.1, 0).normalized()));
   }
+  const std::vector<Eigen::Matrix3Xf> surface = testing::WavingSurface(rig, performance);
+  Pc2Reader reader = testing::WriteSurface(dir / "surface.pc2", surface);
+  performance.surface = &reader;
   WriteGltfPerformance(dir / "performance.glb", source, rig, performance);
   const Eigen::MatrixXd poses = testing::RandomMotion(skeleton, kNumFrames, 5);
   WriteBvh(dir / "motion.bvh", BvhFromPoses(skeleton, poses, kFps));
 
-  Json expected = {{"fps", kFps}, {"vertices_frame", kNumFrames / 2}};
+  Json expected = {{"fps", kFps}};
   for (const RigBone& bone : rig.bones) expected["bones"].push_back(bone.name);
   for (const Segment& segment : skeleton.segments) {
     expected["segments"].push_back(segment.name);
@@ -58,12 +64,14 @@ void CheckInBlender(const std::filesystem::path& source, const RigAsset& rig,
     }
     expected["segment_heads"].push_back(segment_heads);
   }
-  const Eigen::Matrix3Xd vertices =
-      testing::SkinnedVertices(rig, performance.scene_from_bone[kNumFrames / 2]);
-  for (Eigen::Index v = 0; v < vertices.cols(); ++v) {
-    expected["vertices"].push_back(ToJson(vertices.col(v)));
+  for (const int frame : kComparedFrames) {
+    Json vertices;
+    for (const auto& vertex : surface[static_cast<size_t>(frame)].colwise()) {
+      vertices.push_back(ToJson(vertex.cast<double>()));
+    }
+    expected["vertices"].push_back({{"frame", frame}, {"positions", vertices}});
   }
-  const Eigen::Isometry3d& place = performance.scene_from_camera[kNumFrames / 2];
+  const Eigen::Isometry3d& place = performance.scene_from_camera[kComparedFrames.back()];
   expected["camera"] = ToJson(place.translation());
   expected["camera_forward"] = ToJson(place.linear().col(2));
   dir.Write("expected.json", expected.dump());

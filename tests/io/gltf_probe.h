@@ -137,10 +137,58 @@ struct GltfProbe {
     return worlds;
   }
 
+  // Morph weights of a node at a key of the other channels, linear between their own keys.
+  std::vector<double> MorphWeights(size_t node, int key) const {
+    const auto& animation = json["animations"][0];
+    const auto sampler_of = [&](const std::string& path,
+                                int of_node) -> const nlohmann::ordered_json* {
+      for (const auto& channel : animation["channels"]) {
+        const auto& target = channel["target"];
+        if (target["path"] == path && (of_node < 0 || target["node"] == of_node)) {
+          return &animation["samplers"][channel["sampler"].get<int>()];
+        }
+      }
+      return nullptr;
+    };
+    const nlohmann::ordered_json* sampler = sampler_of("weights", static_cast<int>(node));
+    if (sampler == nullptr) return {};
+    const double time = Values((*sampler_of("rotation", -1))["input"])(0, key);
+    const Eigen::MatrixXd times = Values((*sampler)["input"]);
+    const Eigen::MatrixXd outputs = Values((*sampler)["output"]);
+    const Eigen::Index num_targets = outputs.size() / times.size();
+    Eigen::Index after = 0;
+    while (after + 1 < times.size() && times(after) < time) ++after;
+    const Eigen::Index before = times(after) <= time ? after : after - 1;
+    const double blend =
+        before == after ? 0 : (time - times(before)) / (times(after) - times(before));
+    std::vector<double> weights;
+    for (Eigen::Index t = 0; t < num_targets; ++t) {
+      weights.push_back((1 - blend) * outputs(before * num_targets + t) +
+                        blend * outputs(after * num_targets + t));
+    }
+    return weights;
+  }
+
+  // Positions of a primitive with its morph targets, 3xV.
+  Eigen::MatrixXd MorphedPositions(int mesh, int primitive, int key) const {
+    const auto& shape = json["meshes"][mesh]["primitives"][primitive];
+    Eigen::MatrixXd x = Values(shape["attributes"]["POSITION"]);
+    if (key < 0 || !shape.contains("targets")) return x;
+    for (size_t n = 0; n < json["nodes"].size(); ++n) {
+      if (json["nodes"][n].value("mesh", -1) != mesh) continue;
+      const std::vector<double> weights = MorphWeights(n, key);
+      for (size_t t = 0; t < weights.size(); ++t) {
+        if (weights[t] != 0) x += weights[t] * Values(shape["targets"][t]["POSITION"]);
+      }
+      break;
+    }
+    return x;
+  }
+
   // Vertices of a primitive as shown: 3xV. Only the first set of four influences.
   Eigen::Matrix3Xd ShownVertices(int mesh, int primitive, int skin_index, int key) const {
     const auto& attributes = json["meshes"][mesh]["primitives"][primitive]["attributes"];
-    const Eigen::MatrixXd x = Values(attributes["POSITION"]);
+    const Eigen::MatrixXd x = MorphedPositions(mesh, primitive, key);
     const Eigen::MatrixXd joints = Values(attributes["JOINTS_0"]);
     const Eigen::MatrixXd weights = Values(attributes["WEIGHTS_0"]);
     const auto& skin = json["skins"][skin_index];

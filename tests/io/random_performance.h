@@ -3,6 +3,7 @@
 
 #include "io/random_motion.h"
 #include "mpc/io/gltf.h"
+#include "mpc/io/pc2.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_pose.h"
 
@@ -50,10 +51,11 @@ inline GltfPerformance RandomBonePerformance(const RigAsset& rig, int num_frames
   return performance;
 }
 
-// Vertices of the rig's first mesh by its own bones from the bind pose: linear blend, 3xV.
+// Vertices of one of the rig's meshes by its own bones from the bind pose: linear blend, 3xV.
 inline Eigen::Matrix3Xd SkinnedVertices(const RigAsset& rig,
-                                        const std::vector<Eigen::Affine3d>& scene_from_bone) {
-  const RigMesh& mesh = rig.meshes[0];
+                                        const std::vector<Eigen::Affine3d>& scene_from_bone,
+                                        size_t mesh_index = 0) {
+  const RigMesh& mesh = rig.meshes[mesh_index];
   Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Zero(3, mesh.mesh.positions.cols());
   for (Eigen::Index v = 0; v < out.cols(); ++v) {
     const Eigen::Vector3d x = mesh.mesh.positions.col(v).cast<double>();
@@ -65,6 +67,33 @@ inline Eigen::Matrix3Xd SkinnedVertices(const RigAsset& rig,
     }
   }
   return out;
+}
+
+// A surface that waves about the skinned meshes: all vertices of every frame, 3xV, in the scene.
+inline std::vector<Eigen::Matrix3Xf> WavingSurface(const RigAsset& rig,
+                                                   const GltfPerformance& performance,
+                                                   double amplitude_m = 0.03) {
+  std::vector<Eigen::Matrix3Xf> surface;
+  for (size_t f = 0; f < performance.times_s.size(); ++f) {
+    Eigen::Matrix3Xf all(3, rig.num_vertices());
+    Eigen::Index begin = 0;
+    for (size_t m = 0; m < rig.meshes.size(); ++m) {
+      const Eigen::Matrix3Xd skinned = SkinnedVertices(rig, performance.scene_from_bone[f], m);
+      const Eigen::ArrayXXd wave = (5 * skinned.array() + 0.7 * static_cast<double>(f)).sin();
+      all.middleCols(begin, skinned.cols()) = (skinned + amplitude_m * wave.matrix()).cast<float>();
+      begin += skinned.cols();
+    }
+    surface.push_back(std::move(all));
+  }
+  return surface;
+}
+
+inline Pc2Reader WriteSurface(const std::filesystem::path& path,
+                              const std::vector<Eigen::Matrix3Xf>& surface) {
+  Pc2Writer writer(path, static_cast<int>(surface.front().cols()));
+  for (const Eigen::Matrix3Xf& positions : surface) writer.Write(positions);
+  writer.Close();
+  return Pc2Reader(path);
 }
 
 }  // namespace mpc::testing

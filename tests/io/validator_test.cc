@@ -1,6 +1,7 @@
 // The Khronos validator finds no error and no warning in a written file that the source had not.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <map>
 #include <sstream>
 
@@ -45,10 +46,21 @@ class ValidatorTest : public ::testing::Test {
   void ExpectNoNewIssues(const fs::path& source, const RigAsset& rig, GltfPerformance performance) {
     const std::map<std::string, int> before = Issues(source);
     performance.camera = Camera::FromFov(1080, 1920, 1.0);
-    WriteGltfPerformance(dir_ / "out.glb", source, rig, performance);
-    for (const auto& [code, count] : Issues(dir_ / "out.glb")) {
-      const auto it = before.find(code);
-      EXPECT_LE(count, it == before.end() ? 0 : it->second) << code;
+    std::vector<Eigen::Matrix3Xf> surface = testing::WavingSurface(rig, performance);
+    // Sparse, without any offset, and dense targets.
+    surface[1] = testing::WavingSurface(rig, performance, 0)[1];
+    surface[2].leftCols(surface[2].cols() - 9) = surface[1].leftCols(surface[2].cols() - 9);
+    Pc2Reader reader = testing::WriteSurface(dir_ / "surface.pc2", surface);
+    const std::array<std::pair<Pc2Reader*, int>, 3> kinds = {
+        {{nullptr, 1}, {&reader, 1}, {&reader, 4}}};
+    for (const auto& [kind, frames_per_target] : kinds) {
+      performance.surface = kind;
+      performance.frames_per_target = frames_per_target;
+      WriteGltfPerformance(dir_ / "out.glb", source, rig, performance);
+      for (const auto& [code, count] : Issues(dir_ / "out.glb")) {
+        const auto it = before.find(code);
+        EXPECT_LE(count, it == before.end() ? 0 : it->second) << code;
+      }
     }
   }
 

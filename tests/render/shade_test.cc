@@ -67,8 +67,8 @@ TEST_F(ShadeTest, VertexAndTriangleColours) {
 TEST_F(ShadeTest, TextureIsPerspectiveCorrect) {
   // Left half of the texture blue, right half red; the square leans away to the right, so the seam
   // appears where the 3D middle projects, not in the middle of the picture of the square.
-  appearance_.texture = cv::Mat(64, 64, CV_8UC3, cv::Scalar(255, 0, 0));
-  appearance_.texture.colRange(32, 64) = cv::Scalar(0, 0, 255);
+  appearance_.textures = {cv::Mat(64, 64, CV_8UC3, cv::Scalar(255, 0, 0))};
+  appearance_.textures[0].colRange(32, 64) = cv::Scalar(0, 0, 255);
   appearance_.uv.resize(2, 4);
   appearance_.uv << 0, 1, 1, 0, 0, 0, 1, 1;
   for (int i = 0; i < 4; ++i) positions_(2, i) = positions_(0, i) > 0 ? 4.0f : 1.5f;
@@ -145,7 +145,7 @@ TEST_F(ShadeTest, MisuseIsRefused) {
   EXPECT_MPC_ERROR(ShadeMesh(camera_, positions_, triangles_, appearance_, 1, &image_),
                    kInvalidArgument, "vertex colours");
   appearance_.vertex_bgr.resize(3, 0);
-  appearance_.texture = cv::Mat(4, 4, CV_8UC3);
+  appearance_.textures = {cv::Mat(4, 4, CV_8UC3)};
   EXPECT_MPC_ERROR(ShadeMesh(camera_, positions_, triangles_, appearance_, 1, &image_),
                    kInvalidArgument, "texture");
 }

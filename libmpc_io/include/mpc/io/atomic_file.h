@@ -25,7 +25,8 @@ class AtomicFile {
   // Same folder and extension as the target.
   const std::filesystem::path& temporary() const { return temporary_; }
 
-  // Throws Error (kWriteFailed) when the temporary is not there or cannot be renamed.
+  // Flushes the temporary to the disk and renames it. Throws Error (kWriteFailed) when it is not
+  // there or one of both fails.
   void Commit();
 
  private:

@@ -24,12 +24,25 @@ namespace mpc {
 // kUnsupported (Draco or meshopt compression, mirrored bones).
 RigAsset ReadRigGltf(const std::filesystem::path& path);
 
+class Pc2Reader;
+
 struct GltfPerformance {
   std::vector<double> times_s;  // F, strictly increasing, from 0 or later; the video's own times
   std::vector<std::vector<Eigen::Affine3d>> scene_from_bone;  // F x B
   std::optional<Camera> camera;                               // intrinsics
   // Where the camera is: one place, or F of a moving camera. Needed with `camera`.
   std::vector<Eigen::Isometry3d> scene_from_camera = {Eigen::Isometry3d::Identity()};
+  // The surface: F frames of the rig's vertices, its meshes one after the other, in the scene. It
+  // becomes morph targets, which viewers add before they skin. Null: the skinned mesh alone.
+  Pc2Reader* surface = nullptr;
+  int frames_per_target = 1;  // 1: one target per frame; n: every n-th frame and the last
+};
+
+// How far shown vertices are from the surface, over all frames and vertices.
+struct GltfSurfaceError {
+  int num_targets = 0;
+  double mean_m = 0;
+  double max_m = 0;
 };
 
 // Writes a .glb: the source's nodes, names, skin, materials, textures and images as they are, its
@@ -39,11 +52,20 @@ struct GltfPerformance {
 // animated when it moves. glTF cameras have no principal
 // point and no distortion: the exact intrinsics are in the node's extras.mpc_camera.
 //
+// With a surface each mesh gets a morph target (positions, no normals) per frame or per n frames,
+// after those it had, whose weights become 0. A target is the frame's vertex taken back through the
+// frame's linear skinning, less the vertex at bind; vertices that skinning brings within 10 um of
+// their place are left out, and a target that most vertices are left out of is sparse. The weights'
+// keys are linear from target to target, 1 at a target's own frame. Vertices that no bone moves
+// cannot follow. The surface is read and written frame by frame; memory holds a few frames.
+//
 // `rig` is what ReadRigGltf(source) returned, or the same with other proportions: then positions,
 // normals, tangents, inverse bind matrices and rest transforms are rewritten to follow it.
-// Throws Error: kInvalidArgument (sizes, times, non-finite), kMismatch (rig is not the source's),
+// Throws Error: kInvalidArgument (sizes, times, non-finite), kMismatch (rig is not the source's, a
+// surface of other sizes), kUnsupported (a file above 4 GB; a surface of a mesh with two skins),
 // kWriteFailed, and all that ReadRigGltf throws.
-void WriteGltfPerformance(const std::filesystem::path& path, const std::filesystem::path& source,
-                          const RigAsset& rig, const GltfPerformance& performance);
+GltfSurfaceError WriteGltfPerformance(const std::filesystem::path& path,
+                                      const std::filesystem::path& source, const RigAsset& rig,
+                                      const GltfPerformance& performance);
 
 }  // namespace mpc

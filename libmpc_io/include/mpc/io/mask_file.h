@@ -1,4 +1,4 @@
-// Purpose: masks of a clip, one per frame, as a video or as a folder of pictures.
+// Purpose: masks of a clip, one per frame, as a video or as a folder of pictures; such folders.
 // Units: pixels. Masks are CV_8UC1, 255 inside, 0 outside, of the clip's size.
 //
 // H.264 is not lossless: now and then a single pixel of a masks.mp4 comes back as its opposite
@@ -49,25 +49,41 @@ class MaskVideoWriter {
   cv::Mat bgr_;
 };
 
-// Writes masks as 000000.png, 000001.png, ... into a folder, which is made when it is missing.
+// Writes pictures as 000000.png, 000001.png, ... into a folder, which is made when it is missing.
 // Pictures with such names from an earlier run are removed first; without Close() so are the new
 // ones.
-class MaskFolderWriter {
+class PictureFolderWriter {
  public:
   // Throws Error (kWriteFailed).
-  explicit MaskFolderWriter(const std::filesystem::path& folder);
-  ~MaskFolderWriter();
-  MaskFolderWriter(const MaskFolderWriter&) = delete;
-  MaskFolderWriter& operator=(const MaskFolderWriter&) = delete;
+  explicit PictureFolderWriter(const std::filesystem::path& folder);
+  ~PictureFolderWriter();
+  PictureFolderWriter(const PictureFolderWriter&) = delete;
+  PictureFolderWriter& operator=(const PictureFolderWriter&) = delete;
 
-  // Throws Error (kInvalidArgument for another type than CV_8UC1, kWriteFailed).
-  void Write(const cv::Mat& mask);
+  // CV_8UC3, or CV_8UC1 for a mask, which takes one bit per pixel. Throws Error (kInvalidArgument
+  // for another type, kWriteFailed).
+  void Write(const cv::Mat& picture);
   void Close() { closed_ = true; }
 
  private:
   std::filesystem::path folder_;
   int num_frames_ = 0;
   bool closed_ = false;
+};
+
+// The same for masks only.
+class MaskFolderWriter {
+ public:
+  explicit MaskFolderWriter(const std::filesystem::path& folder)
+      : folder_(folder), writer_(folder) {}
+
+  // Throws Error (kInvalidArgument for another type than CV_8UC1, kWriteFailed).
+  void Write(const cv::Mat& mask);
+  void Close() { writer_.Close(); }
+
+ private:
+  std::filesystem::path folder_;
+  PictureFolderWriter writer_;
 };
 
 }  // namespace mpc

@@ -4,16 +4,18 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <vector>
 
 #include "mpc/core/camera.h"
 #include "mpc/core/triangle_mesh.h"
 
 namespace mpc {
 
-// Colour of a surface. The first of these that is given counts: texture, vertex colours, triangle
-// colours, one colour.
+// Colour of a surface. The first of these that a triangle has counts: texture, vertex colours,
+// triangle colours, one colour.
 struct MeshAppearance {
-  cv::Mat texture;                // CV_8UC3; needs uv
+  std::vector<cv::Mat> textures;      // CV_8UC3, or empty for triangles without; need uv
+  std::vector<int> triangle_texture;  // T, indices into textures; empty: all have the first
   Eigen::Matrix2Xf uv;            // 2xV, glTF convention: (0, 0) is the texture's top left corner
   Eigen::Matrix3Xf vertex_bgr;    // 3xV
   Eigen::Matrix3Xf triangle_bgr;  // 3xT

@@ -19,6 +19,7 @@ struct Arguments {
   double fov_deg = 0;
   std::string preset = "default";
   std::string fit_proportions;
+  std::string surface = "none";
   double height_m = 0;
   int num_threads = 0;
   bool no_overlay = false;
@@ -39,6 +40,8 @@ mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   options.height_m = arguments.height_m;
   options.overlay = !arguments.no_overlay;
   options.masks = !arguments.no_masks;
+  if (arguments.surface == "key") options.surface = mpc::SurfaceTargets::kKey;
+  if (arguments.surface == "full") options.surface = mpc::SurfaceTargets::kFull;
   return options;
 }
 
@@ -58,6 +61,14 @@ void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) 
                                 num_seen > 0 ? residual_px / num_seen : 0.0, num_seen)
                         .c_str());
   std::printf("%s", SilhouetteSummary(report.silhouettes).c_str());
+  const mpc::GltfSurfaceError& surface = report.surface;
+  if (surface.num_targets > 0) {
+    std::printf("%s",
+                fmt::format("performance.glb shows the surface with {} morph targets, {:.2g} mm "
+                            "from it on average, {:.2g} mm at most\n",
+                            surface.num_targets, 1000 * surface.mean_m, 1000 * surface.max_m)
+                    .c_str());
+  }
 }
 
 int Run(const Arguments& arguments) {
@@ -115,6 +126,10 @@ Command AddCaptureCommand(CLI::App* parent) {
   app->add_flag("--no-masks", arguments->no_masks, "Do not find silhouettes nor make masks.mp4")
       ->excludes(masks)
       ->excludes(true_masks);
+  app->add_option("--surface", arguments->surface,
+                  "Surface in performance.glb as morph targets: none, key (ten per second), full")
+      ->check(CLI::IsMember({"none", "key", "full"}))
+      ->capture_default_str();
   app->add_flag("--no-overlay", arguments->no_overlay, "Do not make overlay.mp4");
   app->add_flag("--quiet", arguments->quiet, "No progress");
   return {app, [arguments] { return Run(*arguments); }};

@@ -21,6 +21,7 @@ Command AddCaptureCommand(CLI::App* parent);
 Command AddActorInfoCommand(CLI::App* parent);
 Command AddBenchCommand(CLI::App* parent);
 Command AddEvalCommand(CLI::App* parent);
+Command AddRenderCommand(CLI::App* parent);
 Command AddSegmentCommand(CLI::App* parent);
 Command AddSynthCommand(CLI::App* parent);
 

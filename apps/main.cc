@@ -25,7 +25,8 @@ int RunCommandLine(int argc, char** argv) {
   actor->require_subcommand(1);
   const std::vector<Command> commands = {AddCaptureCommand(&app), AddActorInfoCommand(actor),
                                          AddBenchCommand(&app),   AddSegmentCommand(&app),
-                                         AddEvalCommand(&app),    AddSynthCommand(&app)};
+                                         AddRenderCommand(&app),  AddEvalCommand(&app),
+                                         AddSynthCommand(&app)};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

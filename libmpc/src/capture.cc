@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <cmath>
 #include <optional>
 #include <system_error>
 
@@ -30,7 +31,6 @@ constexpr const char* kGltfName = "performance.glb";
 constexpr const char* kBvhName = "motion.bvh";
 constexpr const char* kTrcName = "joints.trc";
 constexpr const char* kOverlayName = "overlay.mp4";
-constexpr const char* kReportName = "report.json";
 
 Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
                       std::vector<std::string>* warnings) {
@@ -192,9 +192,10 @@ Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
   loaded_ = std::make_unique<Inputs>(inputs_, options_);
   const std::array inputs_to_keep = {inputs_.video,        inputs_.actor, inputs_.detections2d,
                                      inputs_.detections3d, inputs_.masks, inputs_.true_masks};
-  internal::PrepareOutput(output_, inputs_to_keep,
-                          std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName,
-                                     internal::kMasksName, kOverlayName, kReportName});
+  internal::PrepareOutput(
+      output_, inputs_to_keep,
+      std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName, internal::kSurfaceName,
+                 internal::kMasksName, kOverlayName, internal::kReportName});
 }
 
 Capture::~Capture() = default;
@@ -234,13 +235,26 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
 
   // A report of an earlier run must not vouch for the files of this one.
   std::error_code ec;
-  fs::remove(output_ / kReportName, ec);
+  fs::remove(output_ / internal::kReportName, ec);
   fs::remove(output_ / internal::kMasksName, ec);
+  fs::remove(output_ / internal::kSurfaceName, ec);
   fs::remove(output_ / kOverlayName, ec);
   const internal::Performance performance = {
       rig, character, report.camera, report.track.poses, report.world, report.fps};
   timed("files", [&] {
-    internal::WritePerformanceGltf(output_ / kGltfName, inputs_.actor, performance);
+    fs::path surface;
+    if (options_.surface != SurfaceTargets::kNone) {
+      surface = output_ / internal::kSurfaceName;
+      internal::WriteSkinnedSurface(surface, performance);
+      report.outputs.push_back(internal::kSurfaceName);
+    }
+    constexpr double kTargetsPerSecond = 10;
+    const int frames_per_target =
+        options_.surface == SurfaceTargets::kKey
+            ? std::max(1, static_cast<int>(std::lround(report.fps / kTargetsPerSecond)))
+            : 1;
+    report.surface = internal::WritePerformanceGltf(output_ / kGltfName, inputs_.actor, performance,
+                                                    surface, frames_per_target);
     report.outputs.push_back(kGltfName);
     internal::WriteMotionBvh(output_ / kBvhName, performance);
     report.outputs.push_back(kBvhName);
@@ -287,8 +301,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       if (report.complete) report.outputs.push_back(kOverlayName);
     });
   }
-  report.outputs.push_back(kReportName);
-  internal::WriteReport(output_ / kReportName, inputs_, options_, report);
+  report.outputs.push_back(internal::kReportName);
+  internal::WriteReport(output_ / internal::kReportName, inputs_, options_, report);
   return report;
 }
 

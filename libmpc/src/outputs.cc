@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <array>
+#include <optional>
 #include <string>
 #include <system_error>
 
@@ -11,9 +12,11 @@
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
 #include "mpc/io/gltf.h"
+#include "mpc/io/pc2.h"
 #include "mpc/io/trc.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/rig_pose.h"
+#include "mpc/skeleton/skinning.h"
 
 namespace mpc::internal {
 
@@ -46,8 +49,10 @@ Eigen::MatrixXd PosesInScene(const Performance& performance) {
 
 }  // namespace
 
-void WritePerformanceGltf(const std::filesystem::path& path, const std::filesystem::path& actor,
-                          const Performance& performance) {
+GltfSurfaceError WritePerformanceGltf(const std::filesystem::path& path,
+                                      const std::filesystem::path& actor,
+                                      const Performance& performance,
+                                      const std::filesystem::path& surface, int frames_per_target) {
   const Eigen::MatrixXd poses = PosesInScene(performance);
   GltfPerformance gltf;
   gltf.camera = performance.camera;
@@ -66,7 +71,24 @@ void WritePerformanceGltf(const std::filesystem::path& path, const std::filesyst
     RigBoneTransforms(performance.rig, performance.character, state,
                       &gltf.scene_from_bone[static_cast<size_t>(f)]);
   }
-  WriteGltfPerformance(path, actor, performance.rig, gltf);
+  std::optional<Pc2Reader> reader;
+  if (!surface.empty()) gltf.surface = &reader.emplace(surface);
+  gltf.frames_per_target = frames_per_target;
+  return WriteGltfPerformance(path, actor, performance.rig, gltf);
+}
+
+void WriteSkinnedSurface(const std::filesystem::path& path, const Performance& performance) {
+  const Character& character = performance.character;
+  const Eigen::MatrixXd poses = PosesInScene(performance);
+  Pc2Writer writer(path, static_cast<int>(character.mesh.positions.cols()));
+  KinematicState state;
+  Eigen::Matrix3Xf vertices;
+  for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    ForwardKinematics(character.skeleton, poses.col(f), &state);
+    SkinCharacter(character, state, &vertices);
+    writer.Write(vertices);
+  }
+  writer.Close();
 }
 
 void WriteMotionBvh(const std::filesystem::path& path, const Performance& performance) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "mpc/core/camera.h"
+#include "mpc/io/gltf.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_asset.h"
 #include "mpc/skeleton/world.h"
@@ -15,6 +16,8 @@
 namespace mpc::internal {
 
 inline constexpr const char* kPosesName = "poses.json";
+inline constexpr const char* kSurfaceName = "surface.pc2";
+inline constexpr const char* kReportName = "report.json";
 
 // What the writers need: character and rig with the proportions of the poses (camera frame).
 struct Performance {
@@ -27,8 +30,15 @@ struct Performance {
 };
 
 // All throw Error (kWriteFailed) and leave no half-written file.
-void WritePerformanceGltf(const std::filesystem::path& path, const std::filesystem::path& actor,
-                          const Performance& performance);
+//
+// surface: a surface.pc2 of the performance, to become morph targets; empty: none.
+GltfSurfaceError WritePerformanceGltf(const std::filesystem::path& path,
+                                      const std::filesystem::path& actor,
+                                      const Performance& performance,
+                                      const std::filesystem::path& surface = {},
+                                      int frames_per_target = 1);
+// The skinned mesh in the scene, frame by frame.
+void WriteSkinnedSurface(const std::filesystem::path& path, const Performance& performance);
 void WriteMotionBvh(const std::filesystem::path& path, const Performance& performance);
 void WriteJointsTrc(const std::filesystem::path& path, const Performance& performance);
 

@@ -157,6 +157,11 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   }
   json["seconds"] = std::move(timings);
   json["num_windows"] = report.track.num_windows;
+  if (report.surface.num_targets > 0) {
+    json["surface"] = {{"morph_targets", report.surface.num_targets},
+                       {"mean_error_mm", Rounded(1000 * report.surface.mean_m, 1e-4)},
+                       {"max_error_mm", Rounded(1000 * report.surface.max_m, 1e-4)}};
+  }
   if (!inputs.true_masks.empty()) json["true_iou"] = TrueIouJson(report.silhouettes);
   Json joints = Json::array();
   for (const SkeletonJoint& joint : report.skeleton.joints) joints.push_back(JointName(joint.id));

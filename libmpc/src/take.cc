@@ -21,6 +21,7 @@ Take ReadTake(const fs::path& folder, const fs::path& video, const fs::path& act
   const fs::path file = folder / internal::kPosesName;
   CapturedPoses captured = ReadPoses(file);
   Take take;
+  take.folder = folder;
   take.video = video.empty() ? captured.video : video;
   take.image_fps = captured.image_fps;
   take.actor = actor.empty() ? captured.actor : actor;
@@ -28,6 +29,7 @@ Take ReadTake(const fs::path& folder, const fs::path& video, const fs::path& act
   take.camera = captured.camera;
   internal::Actor loaded = internal::LoadActor(take.actor, captured.height_m);
   ApplyProportions(captured.proportions, &loaded.character, &loaded.rig);
+  take.rig = std::move(loaded.rig);
   take.character = std::move(loaded.character);
   if (internal::DofNames(take.character.skeleton) != captured.dofs) {
     throw Error(ErrorCode::kMismatch, fmt::format("{} has poses of another skeleton than {} has",

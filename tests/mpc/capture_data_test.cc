@@ -9,6 +9,7 @@
 #include "io/temp_dir.h"
 #include "mpc/eval/metrics.h"
 #include "mpc/io/joint_truth_file.h"
+#include "mpc/io/mask_file.h"
 #include "mpc/mpc.h"
 #include "support/data_dir.h"
 
@@ -46,6 +47,38 @@ Scores CaptureAndScore(const std::string& camera, bool fit_proportions) {
               figures.c_str());
   EXPECT_EQ(errors.similarity.num_frames, 99);
   return {errors.similarity.mean_mm, Jitter(estimated, estimate.fps).mean_mm_per_frame2};
+}
+
+// Captured by one camera and drawn into the other's picture, the person is where that one sees it.
+// The two differ by what one camera cannot know: the size, and so the distance, of the person.
+TEST(RealClipFromAside, ThePersonIsWhereTheOtherCameraSeesIt) {
+  MPC_REQUIRE_DATA();
+  const std::filesystem::path clip = *testing::DataDir() / "pose2sim";
+  const std::string cameras = (clip / "cameras.json").string();
+  const testing::TempDir out;
+  CaptureOptions options;
+  options.overlay = options.masks = false;
+  Capture({.video = clip / "cam01.mp4",
+           .actor = *testing::DataDir() / "actors" / "male_tpose.glb",
+           .camera = cameras + ":cam01",
+           .detections2d = clip / "cam01_openpose_body25b.json",
+           .detections3d = clip / "cam01_blazepose.json"},
+          out / "take", options)
+      .Run();
+  const Take take = ReadTake(out / "take");
+  for (const auto& [name, bar] : {std::pair("cam01", 0.6), std::pair("cam03", 0.4)}) {
+    const ViewedSurface view = ViewOfTake(take, {.camera = cameras + ":" + name});
+    ASSERT_TRUE(RenderSurface(view, out / "masks", {.mask = true}));
+    MaskReader drawn(out / "masks", view.camera.width, view.camera.height);
+    MaskReader truth(clip / "masks" / name, view.camera.width, view.camera.height);
+    std::vector<double> iou;
+    for (cv::Mat a, b; drawn.Read(&a) && truth.Read(&b);) iou.push_back(MaskIou(a, b));
+    const IouSummary summary = SummarizeIou(iou);
+    std::printf("%s: IoU with its masks %.3f, worst tenth %.3f\n", name, summary.mean,
+                summary.worst_decile);
+    EXPECT_EQ(summary.num_frames, 100);
+    EXPECT_GT(summary.mean, bar);
+  }
 }
 
 class RealClip : public ::testing::TestWithParam<const char*> {};

@@ -392,6 +392,77 @@ TEST_F(CommandTest, UsageErrorsExitWith2) {
   EXPECT_THAT(FilesIn(output()), IsEmpty());
 }
 
+TEST_F(CommandTest, RendersWhatWasCaptured) {
+  std::vector<std::string> arguments = CaptureArguments(clip_->inputs, output());
+  arguments.insert(arguments.end(), {"--surface", "full", "--no-overlay", "--no-masks"});
+  const Outcome capture = RunCommand(arguments);
+  ASSERT_EQ(capture.exit_code, 0) << capture.err;
+  EXPECT_THAT(FilesIn(output()), IsSupersetOf({"surface.pc2", "performance.glb"}));
+  EXPECT_THAT(capture.out, HasSubstr("24 morph targets"));
+  const nlohmann::json report = nlohmann::json::parse(ReadFile(output() / "report.json"));
+  EXPECT_EQ(report["surface"]["morph_targets"], 24);
+  EXPECT_LT(report["surface"]["max_error_mm"], 0.02);
+
+  const std::string take = output().string();
+  const std::string view = (folder_ / "view.mp4").string();
+  const Outcome render = RunCommand({"render", take, "-o", view, "--orbit", "360"});
+  EXPECT_EQ(render.exit_code, 0) << render.err;
+  EXPECT_THAT(render.out, HasSubstr("24 frames of 128 x 160"));
+  EXPECT_THAT(render.err, HasSubstr("render 24/24"));
+  EXPECT_EQ(VideoReader(view).num_frames(), 24);
+
+  // The mask from the capture's camera, and from the same camera by its file.
+  const std::string own = (folder_ / "own").string(), given = (folder_ / "given").string();
+  EXPECT_EQ(RunCommand({"render", take, "-o", own, "--mask", "--quiet"}).exit_code, 0);
+  EXPECT_EQ(RunCommand({"render", take, "-o", given, "--mask", "--quiet", "--camera",
+                        clip_->inputs.camera})
+                .exit_code,
+            0);
+  EXPECT_EQ(FilesIn(own).size(), 24u);
+  EXPECT_EQ(ReadFile(folder_ / "own/000007.png"), ReadFile(folder_ / "given/000007.png"));
+
+  // A point cache alone, in the world of a camera.
+  const std::string cache = (output() / "surface.pc2").string();
+  const std::string glb = (output() / "performance.glb").string();
+  const std::string& camera = clip_->inputs.camera;
+  const std::string cached = (folder_ / "cached").string();
+  const Outcome of_cache = RunCommand({"render", cache, "--actor", glb, "--camera", camera, "-o",
+                                       cached, "--quiet", "--background", clip_->inputs.video});
+  EXPECT_EQ(of_cache.exit_code, 0) << of_cache.err;
+  EXPECT_EQ(FilesIn(cached).size(), 24u);
+}
+
+TEST_F(CommandTest, RenderRefusesWhatItCannotShow) {
+  std::vector<std::string> arguments = CaptureArguments(clip_->inputs, output());
+  arguments.insert(arguments.end(), {"--no-overlay", "--no-masks", "--surface", "key"});
+  ASSERT_EQ(RunCommand(arguments).exit_code, 0);
+  const std::string take = output().string(), to = (folder_ / "to").string();
+  const std::string cache = (output() / "surface.pc2").string();
+  const auto render = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"render", "--quiet", "-o", to});
+    return RunCommand(more);
+  };
+  EXPECT_EQ(RunCommand({"render", take}).exit_code, 2);
+  EXPECT_EQ(render({take, "--mask", "--background", "x.png"}).exit_code, 2);
+  EXPECT_EQ(render({take, "--orbit", "9", "--background", "x.png"}).exit_code, 2);
+  ExpectOneSentence(render({folder_.path().string()}), "poses.json");
+  ExpectOneSentence(render({take, "--camera", "none.json"}), "none.json");
+  ExpectOneSentence(render({take, "--background", "none.mp4"}), "none.mp4");
+  ExpectOneSentence(render({take, "--actor", "none.glb"}), "none.glb");
+  ExpectOneSentence(RunCommand({"render", take, "-o", clip_->inputs.video.string()}),
+                    "overwritten");
+  ExpectOneSentence(RunCommand({"render", take, "-o", "/proc/x/a.mp4"}), "/proc/x");
+  ExpectOneSentence(render({cache}), "--actor and --camera");
+  const std::string actor = clip_->inputs.actor.string();
+  ExpectOneSentence(render({"none.pc2", "--actor", actor, "--camera", clip_->inputs.camera}),
+                    "none.pc2");
+  const std::string cut = folder_.Write("cut.pc2", ReadFile(cache).substr(0, 1000)).string();
+  ExpectOneSentence(render({cut, "--actor", actor, "--camera", clip_->inputs.camera}), "cut.pc2");
+  fs::remove(output() / "report.json");
+  ExpectOneSentence(render({take}), "report.json");
+  EXPECT_THAT(FilesIn(to), IsEmpty());
+}
+
 // Every input: missing, a folder, empty, garbage, cut in half.
 TEST_F(CommandTest, BrokenInputsAreRefused) {
   struct Input {

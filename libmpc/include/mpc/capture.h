@@ -11,6 +11,7 @@
 
 #include "mpc/core/camera.h"
 #include "mpc/core/progress.h"
+#include "mpc/io/gltf.h"
 #include "mpc/pose/pose_estimator.h"
 #include "mpc/silhouettes.h"
 #include "mpc/skeleton/character.h"
@@ -33,12 +34,20 @@ struct CaptureInputs {
   std::filesystem::path true_masks = {};  // only compared with the silhouettes; empty: none
 };
 
+// The surface as morph targets of performance.glb. With any but kNone surface.pc2 is written too.
+enum class SurfaceTargets {
+  kNone,  // bones alone
+  kKey,   // ten targets per second, blended in between; report.json states the error
+  kFull,  // every frame exactly; many viewers stop at some hundred targets (docs/outputs.md)
+};
+
 struct CaptureOptions {
   PoseOptions pose;     // its num_threads serves every stage
   double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
   bool overlay = true;  // write overlay.mp4
   bool masks = true;    // find silhouettes and write masks.mp4
   SilhouetteOptions silhouettes;  // its num_threads is that of `pose`
+  SurfaceTargets surface = SurfaceTargets::kNone;
 
   // Throws Error (kInvalidArgument) naming every fault.
   void Validate() const;
@@ -59,6 +68,7 @@ struct CaptureReport {
   PoseTrack track;    // poses N x F of `skeleton`
   WorldPlacement world;
   std::vector<SilhouetteRecord> silhouettes;  // one per frame; empty without the stage
+  GltfSurfaceError surface;                   // of the morph targets
   RigMap mapping;
   std::vector<std::string> rig_bones;  // names, indexed by the mapping
   double height_scale = 1;             // applied to the actor's file for height_m

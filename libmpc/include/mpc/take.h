@@ -11,18 +11,21 @@
 #include "mpc/core/progress.h"
 #include "mpc/silhouettes.h"
 #include "mpc/skeleton/character.h"
+#include "mpc/skeleton/rig_asset.h"
 
 namespace mpc {
 
 // What a capture found, ready to be posed: ForwardKinematics and SkinCharacter of a column of
 // `poses` give the actor in front of the camera.
 struct Take {
+  std::filesystem::path folder;
   std::filesystem::path video;
   double image_fps = 0;  // of a folder of pictures
   std::filesystem::path actor;
   double fps = 0;
   Camera camera;          // for the video's own resolution
-  Character character;    // with the height and the proportions of the capture
+  RigAsset rig;           // with the height and the proportions of the capture
+  Character character;    // the same
   Eigen::MatrixXd poses;  // N x F
 
   PosedClip clip() const {

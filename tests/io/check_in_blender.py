@@ -79,8 +79,9 @@ def put_cache_on(obj, path):
     cache = obj.modifiers.new('surface', 'MESH_CACHE')
     cache.cache_format = 'PC2'
     cache.filepath = path
-    cache.forward_axis = 'NEG_Z'
-    cache.up_axis = 'POS_Y'
+    # The modifier turns the other way round than the importers: this makes (x, y, z) (x, -z, y).
+    cache.forward_axis = 'POS_Z'
+    cache.up_axis = 'NEG_Y'
     cache.frame_start = 0
 
 

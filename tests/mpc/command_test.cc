@@ -287,7 +287,7 @@ TEST_F(CommandTest, SynthRefusesBadInputsInOneSentence) {
   refused({"--motion", bvh.string(), "--start", "7"}, "behind its end");
   refused({"--start", "7"}, "--start");
   refused({"--fov", "nan"}, "fov");
-  refused({"--seconds", "nan"}, "nan s");
+  refused({"--start", "nan"}, "nan s");
   refused({"--actor", (folder_ / "none.glb").string()}, "none.glb");
   refused({"--actor", folder_.Write("garbage.glb", "no mesh").string()}, "garbage.glb");
   ExpectOneSentence(RunCommand(SynthArguments("/proc/clip")), "/proc/clip");

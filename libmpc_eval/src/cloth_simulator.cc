@@ -12,8 +12,8 @@ constexpr double kGravity = 9.81;
 constexpr double kAirDragPerS = 0.9;   // of cloth that hangs free
 constexpr double kLayerDragPerS = 12;  // of cloth that lies on the body, against the body
 // Cloth does not creep: what moves against the body loses this speed per second, m/s^2.
-constexpr double kInnerFriction = 0.6;
-constexpr int kStretchIterations = 3;
+constexpr double kInnerFriction = 0.3;
+constexpr int kStretchIterations = 5;
 constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
 constexpr double kBendCompliance = 4e-4;
 constexpr double kThickness = 0.010;  // distance kept from colliders
@@ -68,7 +68,6 @@ void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets, dou
       continue;
     }
     Vector3d v = velocities_.col(p);
-    v.y() -= kGravity * step_s;
     const Vector3d body = (targets.col(p) - targets_before_.col(p)) / step_s;
     if (std::isinf(model_.freedom_m[p])) {
       const Vector3d against = free * (v - body);
@@ -78,6 +77,7 @@ void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets, dou
     } else {
       v = body + layer * (v - body);
     }
+    v.y() -= kGravity * step_s;
     positions_.col(p) += step_s * v;
   }
 }

@@ -23,7 +23,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr int kTextureSize = 1024;
-constexpr double kSettleS = 0.6;
+constexpr double kSettleS = 1;
 constexpr double kSettleDamping = 8;  // per second
 constexpr double kSettleStepS = 1.0 / 480;
 

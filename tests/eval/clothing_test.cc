@@ -162,23 +162,22 @@ TEST_F(ClothingTest, LagsBehindASuddenTurnAndSwingsOut) {
 }
 
 TEST_F(ClothingTest, LengthensHardly) {
-  for (const Outfit outfit : {Outfit::kCasual, Outfit::kSkirt, Outfit::kCoat}) {
+  for (const Outfit outfit : {Outfit::kSkirt, Outfit::kCoat}) {
     SCOPED_TRACE(OutfitName(outfit));
     const Wearer& wearer = In(outfit);
     const std::vector<int> vertex = wearer.ParticleVertices();
     std::vector<double> strains;
-    for (const Eigen::Matrix3Xf& x : wearer.Do(MotionKind::kWalk, 1.5, 30)) {
+    for (const Eigen::Matrix3Xf& x : wearer.Do(MotionKind::kWalk, 1.2, 30)) {
       for (const ClothModel::Link& link : wearer.actor.cloth.stretch) {
         if (!std::isinf(wearer.actor.cloth.freedom_m[link.b])) continue;
         strains.push_back((x.col(vertex[link.a]) - x.col(vertex[link.b])).norm() / link.rest_m - 1);
       }
     }
-    if (strains.empty()) continue;  // layers on the body are held by it
     std::sort(strains.begin(), strains.end());
-    EXPECT_NEAR(strains[strains.size() / 2], 0, 0.01);
-    EXPECT_LT(strains[strains.size() * 9 / 10], 0.04);
-    EXPECT_LT(strains[strains.size() * 99 / 100], 0.10);
-    EXPECT_GT(strains[strains.size() / 100], -0.06);
+    EXPECT_NEAR(strains[strains.size() / 2], 0, 0.005);
+    EXPECT_LT(strains[strains.size() * 9 / 10], 0.025);
+    EXPECT_LT(strains[strains.size() * 99 / 100], 0.05);
+    EXPECT_GT(strains[strains.size() / 100], -0.04);
   }
 }
 
@@ -188,7 +187,7 @@ TEST_F(ClothingTest, StaysOutsideOfTheBody) {
                                      {Outfit::kCoat, MotionKind::kSquat}}) {
     SCOPED_TRACE(OutfitName(outfit));
     const Wearer& wearer = In(outfit);
-    const Eigen::MatrixXd poses = MakeMotion(wearer.character.skeleton, kind, 1.5, 30);
+    const Eigen::MatrixXd poses = MakeMotion(wearer.character.skeleton, kind, 1.3, 30);
     const Frames frames = wearer.Do(poses, 30);
     const std::vector<int> free = wearer.FreeVertices();
     double deepest = 0;
@@ -222,7 +221,7 @@ TEST_F(ClothingTest, StaysOutsideOfTheBody) {
 
 TEST_F(ClothingTest, IsTheSameInAnyThread) {
   std::vector<Frames> runs(3);
-  ParallelFor(3, 3, [&](int i) { runs[i] = Skirt().Do(MotionKind::kWalk, 0.3, 30); });
+  ParallelFor(3, 3, [&](int i) { runs[i] = Skirt().Do(MotionKind::kWalk, 0.2, 30); });
   for (size_t f = 0; f < runs[0].size(); ++f) {
     EXPECT_EQ(runs[0][f], runs[1][f]);
     EXPECT_EQ(runs[0][f], runs[2][f]);
@@ -230,16 +229,16 @@ TEST_F(ClothingTest, IsTheSameInAnyThread) {
 }
 
 TEST_F(ClothingTest, StaysFiniteAndNearAtAnyRate) {
-  for (const double fps : {5.0, 24.0, 240.0}) {
-    for (const MotionKind kind : {MotionKind::kJump, MotionKind::kRoll}) {
-      SCOPED_TRACE(fps);
-      const Eigen::MatrixXd poses = MakeMotion(Skirt().character.skeleton, kind, 1.4, fps);
-      const Frames frames = Skirt().Do(poses, fps);
-      for (size_t f = 0; f < frames.size(); ++f) {
-        ASSERT_TRUE(frames[f].allFinite());
-        const Eigen::Vector3f root = poses.col(static_cast<int>(f)).head<3>().cast<float>();
-        EXPECT_LT((frames[f].colwise() - root).colwise().norm().maxCoeff(), 1.4F);
-      }
+  for (const auto& [fps, kind] : {std::pair{5.0, MotionKind::kJump},
+                                  {24.0, MotionKind::kRoll},
+                                  {240.0, MotionKind::kJump}}) {
+    SCOPED_TRACE(fps);
+    const Eigen::MatrixXd poses = MakeMotion(Skirt().character.skeleton, kind, 1.4, fps);
+    const Frames frames = Skirt().Do(poses, fps);
+    for (size_t f = 0; f < frames.size(); ++f) {
+      ASSERT_TRUE(frames[f].allFinite());
+      const Eigen::Vector3f root = poses.col(static_cast<int>(f)).head<3>().cast<float>();
+      EXPECT_LT((frames[f].colwise() - root).colwise().norm().maxCoeff(), 1.4F);
     }
   }
 }

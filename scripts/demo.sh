@@ -15,13 +15,13 @@ cmake --preset release -B "$build" -DMPC_BUILD_TESTS=OFF
 cmake --build "$build" -j "$(nproc)" --target monoperfcap
 monoperfcap=$build/apps/monoperfcap
 
-echo "== A synthetic clip: the actor walks, the detections err as a network's do"
-"$monoperfcap" synth -o "$out/synth"
+echo "== A synthetic clip: an actor in a skirt walks, the detections err as a network's do"
+"$monoperfcap" synth -o "$out/synth" --outfit skirt --seconds 3
 "$monoperfcap" actor info "$out/synth/actor.glb"
 "$monoperfcap" capture "$out/synth/clip.mp4" --actor "$out/synth/actor.glb" \
   --camera "$out/synth/camera.json" --detections2d "$out/synth/detections2d.json" \
   --detections3d "$out/synth/detections3d.json" -o "$out/synth/take"
-"$monoperfcap" eval "$out/synth/take/joints.trc" --truth "$out/synth/truth.trc"
+"$monoperfcap" eval "$out/synth/take" --truth "$out/synth"
 
 clip=$data/pose2sim
 if [ -d "$clip" ]; then
@@ -33,4 +33,11 @@ if [ -d "$clip" ]; then
 else
   echo "No real data in $data (set MPC_DATA): the real clip is left out."
 fi
-echo "Results are in $out: open performance.glb in Blender, overlay.mp4 in any player."
+echo "== Done. What to look at:"
+echo "  $out/synth/clip.mp4                    the clip, made with exact truth"
+echo "  $out/synth/take/overlay.mp4            the captured surface and skeleton over it"
+echo "  $out/synth/take/evaluation.html        the errors over time, and the worst frames"
+echo "  $out/synth/take/performance.glb        the performance, for Blender and other programs"
+if [ -d "$clip" ]; then
+  echo "  $out/cam01/overlay.mp4                 the same for the real clip"
+fi

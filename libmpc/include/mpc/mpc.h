@@ -3,6 +3,7 @@
 
 #include "mpc/capture.h"
 #include "mpc/core/error.h"
+#include "mpc/detect_clip.h"
 #include "mpc/silhouettes.h"
 #include "mpc/skeleton/world.h"
 #include "mpc/take.h"

@@ -8,6 +8,7 @@
 
 #include "command.h"
 #include "console.h"
+#include "detect_options.h"
 #include "mpc/mpc.h"
 #include "silhouette_summary.h"
 
@@ -16,6 +17,7 @@ namespace {
 
 struct Arguments {
   mpc::CaptureInputs inputs;
+  DetectArguments detect;
   std::string output;
   double fov_deg = 0;
   std::string preset = "default";
@@ -44,6 +46,8 @@ mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
     options.pose.fit_proportions = arguments.fit_proportions == "auto";
   }
   options.pose.num_threads = arguments.num_threads;
+  options.detect = arguments.detect.Options();
+  options.detect.cutoff_hz = options.pose.cutoff_hz;
   options.height_m = arguments.height_m;
   options.overlay = !arguments.no_overlay;
   options.masks = !arguments.no_masks;
@@ -81,6 +85,7 @@ void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) 
 
 int Run(const Arguments& arguments) {
   mpc::CaptureInputs inputs = arguments.inputs;
+  inputs.models = arguments.detect.models;
   inputs.fov_rad = arguments.fov_deg * std::numbers::pi / 180;
   mpc::Capture capture(inputs, arguments.output, MakeOptions(arguments));
   ConsoleProgress progress(arguments.quiet);
@@ -103,15 +108,16 @@ Command AddCaptureCommand(CLI::App* parent) {
   mpc::CaptureInputs& inputs = arguments->inputs;
   app->add_option("clip", inputs.video, "Video, or a folder of numbered pictures")->required();
   app->add_option("--actor", inputs.actor, "The person's rigged mesh: .glb or .gltf")->required();
-  CLI::Option_group* const camera = app->add_option_group("camera", "The camera");
+  CLI::Option_group* const camera =
+      app->add_option_group("camera", "The camera; without: estimated from the clip");
   camera->add_option("--camera", inputs.camera, "Camera: FILE.json or FILE.json:NAME");
   camera->add_option("--fov", arguments->fov_deg, "Field of view of the longer side, degrees")
       ->check(CLI::Range(1.0, 179.0));
-  camera->require_option(1);
+  camera->require_option(0, 1);
   app->add_option("--detections2d", inputs.detections2d,
-                  "Joints in 2D: OpenPose, BlazePose or our own JSON")
-      ->required();
+                  "Joints in 2D: OpenPose, BlazePose or our own JSON; without: the networks'");
   app->add_option("--detections3d", inputs.detections3d, "Joints in 3D: BlazePose or our own JSON");
+  arguments->detect.AddTo(app);
   app->add_option("-o,--output", arguments->output, "Folder for the results")->required();
   app->add_option("--preset", arguments->preset, "Method: default, or exactly the paper's")
       ->check(CLI::IsMember({"default", "paper"}))

@@ -20,6 +20,7 @@ struct Command {
 Command AddCaptureCommand(CLI::App* parent);
 Command AddActorInfoCommand(CLI::App* parent);
 Command AddBenchCommand(CLI::App* parent);
+Command AddDetectCommand(CLI::App* parent);
 Command AddEvalCommand(CLI::App* parent);
 Command AddRenderCommand(CLI::App* parent);
 Command AddSegmentCommand(CLI::App* parent);

@@ -24,9 +24,9 @@ int RunCommandLine(int argc, char** argv) {
   CLI::App* const actor = app.add_subcommand("actor", "Look at an actor's rig");
   actor->require_subcommand(1);
   const std::vector<Command> commands = {AddCaptureCommand(&app), AddActorInfoCommand(actor),
-                                         AddBenchCommand(&app),   AddSegmentCommand(&app),
-                                         AddRenderCommand(&app),  AddEvalCommand(&app),
-                                         AddSynthCommand(&app)};
+                                         AddBenchCommand(&app),   AddDetectCommand(&app),
+                                         AddSegmentCommand(&app), AddRenderCommand(&app),
+                                         AddEvalCommand(&app),    AddSynthCommand(&app)};
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

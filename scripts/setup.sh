@@ -12,10 +12,11 @@ build_packages=(
   libeigen3-dev libceres-dev libopenmesh-dev libopencv-dev libtinygltf-dev libfmt-dev nlohmann-json3-dev
   libcli11-dev
   ffmpeg
+  npm  # scripts/get_models.sh
 )
 test_packages=(
   ca-certificates ccache libgtest-dev libgmock-dev libbenchmark-dev clang-format-14
-  blender nodejs npm
+  blender nodejs
   python3-numpy                 # Blender's glTF importer, the metrics once more in Python
   python3-scipy python3-h5py    # scripts/convert_dataset.py
 )

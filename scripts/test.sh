@@ -18,6 +18,10 @@ if [ ! -d "${MPC_DATA:-../shared/data}" ]; then
   echo "test.sh: NO REAL DATA: tests labelled 'data' are skipped; set MPC_DATA to its folder" >&2
 fi
 
+if ! scripts/get_models.sh; then
+  echo "test.sh: NO NETWORKS: tests that run them are skipped" >&2
+fi
+
 cmake --preset release -DMPC_PROJECT_TESTS=ON "${launcher[@]}"
 cmake --build --preset release -j "$jobs"
 cmake --preset asan "${launcher[@]}"

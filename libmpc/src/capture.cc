@@ -12,11 +12,13 @@
 #include "actor.h"
 #include "mask_outputs.h"
 #include "mpc/core/error.h"
+#include "mpc/detect_clip.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
 #include "mpc/io/mask_file.h"
 #include "mpc/io/poses_file.h"
 #include "mpc/io/video.h"
+#include "mpc/pose/focal_search.h"
 #include "mpc/skeleton/proportions.h"
 #include "outputs.h"
 #include "overlay.h"
@@ -35,7 +37,8 @@ constexpr const char* kOverlayName = "overlay.mp4";
 Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
                       std::vector<std::string>* warnings) {
   if (inputs.camera.empty()) {
-    return Camera::FromFov(video.width(), video.height(), inputs.fov_rad);
+    const double fov = inputs.fov_rad != 0 ? inputs.fov_rad : kUsualFovRad;  // until estimated
+    return Camera::FromFov(video.width(), video.height(), fov);
   }
   const Camera camera = ReadCamera(inputs.camera);
   if (camera.width == video.width() && camera.height == video.height()) return camera;
@@ -139,6 +142,7 @@ void AddCameraMotionWarning(CaptureReport* report) {
 void CaptureOptions::Validate() const {
   pose.Validate();
   refinement.Validate();
+  detect.Validate();
   if (!(height_m >= 0 && height_m < 1000)) {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("height_m is {}, expected 0 or a height in metres", height_m));
@@ -166,23 +170,29 @@ Capture::Inputs::Inputs(const CaptureInputs& inputs, const CaptureOptions& optio
   report.fps = video.fps();
   report.camera = CameraForVideo(inputs, video, &report.warnings);
   if (!inputs.camera.empty()) camera_motion = ReadCameraMotion(inputs.camera);
-  detections2d = ReadDetections2d(inputs.detections2d);
-  if (!camera_motion.empty()) {
-    CheckFrameCount(inputs.camera, camera_motion.size(), inputs.detections2d,
-                    static_cast<int>(detections2d.frames.size()));
+  int num_frames = -1;  // not known before the video is read
+  if (inputs.detections2d.empty()) {
+    if (!inputs.detections3d.empty()) {
+      throw Error(ErrorCode::kInvalidArgument, "3D detections need 2D detections beside them");
+    }
+    static_cast<void>(FindPoseModels(inputs.models));
+  } else {
+    detections2d = ReadDetections2d(inputs.detections2d);
+    CheckPictureSize(detections2d, inputs, video);
+    num_frames = static_cast<int>(detections2d.frames.size());
   }
-  CheckPictureSize(detections2d, inputs, video);
+  const auto check = [&](const fs::path& path, size_t count) {
+    if (num_frames >= 0) CheckFrameCount(path, count, inputs.detections2d, num_frames);
+  };
+  if (!camera_motion.empty()) check(inputs.camera, camera_motion.size());
   if (!inputs.detections3d.empty()) {
     detections3d = ReadDetections3d(inputs.detections3d);
-    CheckFrameCount(inputs.detections3d, detections3d->frames.size(), inputs.detections2d,
-                    static_cast<int>(detections2d.frames.size()));
+    check(inputs.detections3d, detections3d->frames.size());
   }
   for (const fs::path& masks : {inputs.masks, inputs.true_masks}) {
     if (masks.empty()) continue;
     const MaskReader reader(masks, video.width(), video.height());
-    if (reader.num_frames() < 0) continue;
-    CheckFrameCount(masks, static_cast<size_t>(reader.num_frames()), inputs.detections2d,
-                    static_cast<int>(detections2d.frames.size()));
+    if (reader.num_frames() >= 0) check(masks, static_cast<size_t>(reader.num_frames()));
   }
 }
 
@@ -192,10 +202,10 @@ Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
   loaded_ = std::make_unique<Inputs>(inputs_, options_);
   const std::array inputs_to_keep = {inputs_.video,        inputs_.actor, inputs_.detections2d,
                                      inputs_.detections3d, inputs_.masks, inputs_.true_masks};
-  internal::PrepareOutput(
-      output_, inputs_to_keep,
-      std::array{kGltfName, kBvhName, kTrcName, internal::kPosesName, internal::kMasksName,
-                 internal::kSurfaceName, kOverlayName, internal::kReportName});
+  internal::PrepareOutput(output_, inputs_to_keep,
+                          std::array{kDetections2dName, kDetections3dName, kGltfName, kBvhName,
+                                     kTrcName, internal::kPosesName, internal::kMasksName,
+                                     internal::kSurfaceName, kOverlayName, internal::kReportName});
 }
 
 Capture::~Capture() = default;
@@ -212,7 +222,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   // The stages change these; the loaded inputs stay as they are for another run.
   RigAsset rig = loaded_->actor.rig;
   Character character = loaded_->actor.character;
-  const Detections3d* detections3d = loaded_->detections3d ? &*loaded_->detections3d : nullptr;
+  Detections2d detections2d = loaded_->detections2d;
+  std::optional<Detections3d> detections3d = loaded_->detections3d;
   const int num_threads = options_.pose.num_threads;
   const auto timed = [&report](const char* stage, const auto& work) {
     const auto start = std::chrono::steady_clock::now();
@@ -229,12 +240,45 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
 
   timed("video", [&] {
     report.num_frames = CountFrames(inputs_, progress);
-    CheckFrameCount(inputs_.detections2d, loaded_->detections2d.frames.size(), inputs_.video,
-                    report.num_frames);
+    const auto check = [&](const fs::path& path, size_t count) {
+      if (!path.empty()) CheckFrameCount(path, count, inputs_.video, report.num_frames);
+    };
+    check(inputs_.detections2d, detections2d.frames.size());
+    if (!loaded_->camera_motion.empty()) check(inputs_.camera, loaded_->camera_motion.size());
   });
+  if (inputs_.detections2d.empty()) {
+    timed("detect", [&] {
+      ClipDetections detected = DetectClip(
+          {.video = inputs_.video, .image_fps = inputs_.image_fps, .models = inputs_.models},
+          options_.detect, progress);
+      for (const std::string& warning : DetectionWarnings(detected)) {
+        report.warnings.push_back(warning);
+      }
+      WriteDetections(output_ / kDetections2dName, detected.detections2d);
+      report.outputs.emplace_back(kDetections2dName);
+      WriteDetections(output_ / kDetections3dName, detected.detections3d);
+      report.outputs.emplace_back(kDetections3dName);
+      detections2d = std::move(detected.detections2d);
+      detections3d = std::move(detected.detections3d);
+    });
+  }
+  if (inputs_.camera.empty() && inputs_.fov_rad == 0) {
+    timed("focal", [&] {
+      const FocalEstimate focal = EstimateFocal(
+          character.skeleton, report.camera.width, report.camera.height, detections2d,
+          detections3d ? &*detections3d : nullptr, report.fps, options_.pose, progress);
+      report.camera.fx = report.camera.fy = focal.focal_px;
+      report.focal_uncertainty = focal.relative_sigma;
+      report.warnings.push_back(
+          fmt::format("the focal length was estimated: {:.0f} px, give or take {:.0f} % (give "
+                      "--camera or --fov if it is known)",
+                      focal.focal_px, 100 * focal.relative_sigma));
+    });
+  }
   timed("pose", [&] {
-    report.track = EstimatePoses(character.skeleton, report.camera, loaded_->detections2d,
-                                 detections3d, report.fps, options_.pose, progress);
+    report.track =
+        EstimatePoses(character.skeleton, report.camera, detections2d,
+                      detections3d ? &*detections3d : nullptr, report.fps, options_.pose, progress);
     ApplyProportions(report.track.proportions, &character, &rig);
     report.skeleton = character.skeleton;
   });
@@ -272,7 +316,9 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   };
   // Before the refinement: whatever ends that, the motion is there.
   timed("files", [&] { write_motion({}); });
-  report.outputs = {kGltfName, kBvhName, kTrcName, internal::kPosesName};
+  for (const char* name : {kGltfName, kBvhName, kTrcName, internal::kPosesName}) {
+    report.outputs.emplace_back(name);
+  }
   bool has_surface = false;
   if (options_.masks && report.complete) {
     timed("refinement", [&] {
@@ -308,7 +354,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       const internal::OverlayScene scene = {
           character,
           report.camera,
-          loaded_->detections2d,
+          detections2d,
           report.track,
           report.world,
           options_.masks ? output_ / internal::kMasksName : fs::path(),

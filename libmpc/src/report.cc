@@ -179,11 +179,16 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   json["options"] = {{"pose", PoseOptionsJson(options.pose)},
                      {"height_m", options.height_m},
                      {"overlay", options.overlay},
-                     {"masks", options.masks}};
+                     {"masks", options.masks},
+                     {"detect_every", options.detect.every},
+                     {"average_mirrored", options.detect.landmarker.average_mirrored}};
   json["outputs"] = report.outputs;
   json["fps"] = report.fps;
   json["num_frames"] = report.num_frames;
   json["camera"] = CameraJson(report.camera);
+  if (std::isfinite(report.focal_uncertainty)) {
+    json["camera"]["focal_uncertainty"] = report.focal_uncertainty;
+  }
   json["world"] = WorldJson(report.world);
   json["proportions"] = ProportionsJson(report);
   json["mapping"] = MappingJson(report);

@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <map>
 #include <optional>
 #include <utility>
 
 #include "json_file.h"
+#include "mpc/core/blazepose.h"
 #include "mpc/core/error.h"
 #include "mpc/io/atomic_file.h"
 #include "openpose_joint.h"
@@ -88,84 +88,7 @@ Detections2d ReadOpenPose(const JsonPlace& root) {
 
 // ---- BlazePose -----------------------------------------------------------------------------
 
-constexpr size_t kNumLandmarks = 33;
-enum Landmark {
-  kLmNose = 0,
-  kLmLeftEye = 2,
-  kLmRightEye = 5,
-  kLmLeftEar = 7,
-  kLmRightEar = 8,
-  kLmLeftShoulder = 11,
-  kLmRightShoulder = 12,
-  kLmLeftHip = 23,
-  kLmRightHip = 24,
-};
-
-// Joints that are one landmark as it stands.
-constexpr std::array<std::pair<JointId, int>, 17> kPlainLandmarks = {{
-    {JointId::kLeftShoulder, kLmLeftShoulder},
-    {JointId::kRightShoulder, kLmRightShoulder},
-    {JointId::kLeftElbow, 13},
-    {JointId::kRightElbow, 14},
-    {JointId::kLeftWrist, 15},
-    {JointId::kRightWrist, 16},
-    {JointId::kLeftKnee, 25},
-    {JointId::kRightKnee, 26},
-    {JointId::kLeftAnkle, 27},
-    {JointId::kRightAnkle, 28},
-    {JointId::kLeftHeel, 29},
-    {JointId::kRightHeel, 30},
-    {JointId::kLeftToe, 31},
-    {JointId::kRightToe, 32},
-    {JointId::kNose, kLmNose},
-    {JointId::kLeftEye, kLmLeftEye},
-    {JointId::kRightEye, kLmRightEye},
-}};
-
-constexpr double kHipShift = 0.07;      // of the torso, towards the shoulders
-constexpr double kNeckFromEars = 0.35;  // of the way from mid-shoulder to mid-ear
-constexpr double kHeadTopFromEars = 1.8;
-
-std::vector<JointId> BlazePoseJoints() {
-  std::vector<JointId> joints = {JointId::kHeadTop, JointId::kNeck,     JointId::kPelvis,
-                                 JointId::kLeftHip, JointId::kRightHip, JointId::kLeftEar,
-                                 JointId::kRightEar};
-  for (const auto& [joint, landmark] : kPlainLandmarks) joints.push_back(joint);
-  return joints;
-}
-
-// Joints in the order of BlazePoseJoints() from 33 landmarks (D x 33) and their confidences.
-template <int D>
-void JointsFromLandmarks(const Eigen::Matrix<double, D, kNumLandmarks>& x,
-                         const Eigen::Matrix<double, kNumLandmarks, 1>& c,
-                         Eigen::Matrix<double, D, Eigen::Dynamic>* positions,
-                         Eigen::VectorXd* confidence) {
-  using Vector = Eigen::Matrix<double, D, 1>;
-  const Vector shoulders = 0.5 * (x.col(kLmLeftShoulder) + x.col(kLmRightShoulder));
-  const Vector hips = 0.5 * (x.col(kLmLeftHip) + x.col(kLmRightHip));
-  const Vector ears = 0.5 * (x.col(kLmLeftEar) + x.col(kLmRightEar));
-  const Vector hip_shift = kHipShift * (shoulders - hips);
-  const double shoulder_c = std::min(c[kLmLeftShoulder], c[kLmRightShoulder]);
-  const double hip_c = std::min(c[kLmLeftHip], c[kLmRightHip]);
-  const double head_c = std::min({shoulder_c, c[kLmLeftEar], c[kLmRightEar]});
-
-  const int num_joints = 7 + static_cast<int>(kPlainLandmarks.size());
-  positions->resize(D, num_joints);
-  confidence->resize(num_joints);
-  int j = 0;
-  const auto add = [&](const Vector& position, double joint_confidence) {
-    positions->col(j) = position;
-    (*confidence)[j++] = joint_confidence;
-  };
-  add(shoulders + kHeadTopFromEars * (ears - shoulders), head_c);
-  add(shoulders + kNeckFromEars * (ears - shoulders), head_c);
-  add(hips + hip_shift, hip_c);
-  add(x.col(kLmLeftHip) + hip_shift, c[kLmLeftHip]);
-  add(x.col(kLmRightHip) + hip_shift, c[kLmRightHip]);
-  add(x.col(kLmLeftEar), c[kLmLeftEar]);
-  add(x.col(kLmRightEar), c[kLmRightEar]);
-  for (const auto& [joint, landmark] : kPlainLandmarks) add(x.col(landmark), c[landmark]);
-}
+constexpr size_t kNumLandmarks = kNumBlazePoseLandmarks;
 
 double BoxArea(const JsonPlace& person) {
   const JsonPlace landmarks = person["landmarks"];
@@ -228,15 +151,16 @@ void ReadBlazePose(const JsonPlace& root, const char* field, const Add& add) {
       const JsonPlace person = frames[f]["persons"][static_cast<size_t>(chosen[f])];
       const JsonPlace points = person[field];
       points.ExpectSize(kNumLandmarks);
-      Eigen::Matrix<double, D, kNumLandmarks> x;
-      Eigen::Matrix<double, kNumLandmarks, 1> c;
+      Eigen::Matrix<double, D, kNumBlazePoseLandmarks> x;
+      Eigen::Vector<double, kNumBlazePoseLandmarks> c;
       for (size_t i = 0; i < kNumLandmarks; ++i) {
         for (size_t d = 0; d < D; ++d) x(static_cast<int>(d), i) = points[i][d].Number();
         const JsonPlace landmark = person["landmarks"][i];
         landmark.ExpectSize(5);
         c[static_cast<int>(i)] = Confidence(landmark[3]) * Confidence(landmark[4]);
       }
-      JointsFromLandmarks<D>(x, c, &positions, &confidence);
+      JointsFromBlazePose(x, &positions);
+      confidence = JointConfidencesFromBlazePose(c);
     }
     add(std::move(positions), std::move(confidence));
   }

@@ -43,19 +43,9 @@ void CheckColumns(std::span<const JointId> joints, Eigen::Index columns) {
   }
 }
 
-}  // namespace
+using JointPoints = std::vector<std::optional<cv::Point>>;  // by JointId
 
-void DrawStickFigure(const Camera& camera, std::span<const JointId> joints,
-                     const Eigen::Matrix3Xd& joints_in_camera, cv::Mat* image) {
-  CheckColumns(joints, joints_in_camera.cols());
-  std::vector<std::optional<cv::Point>> points(kNumJointIds);
-  for (size_t j = 0; j < joints.size(); ++j) {
-    const Eigen::Vector3d x = joints_in_camera.col(static_cast<Eigen::Index>(j));
-    Eigen::Vector2d pixel;
-    if (x.allFinite() && Project(camera, x, &pixel)) {
-      points[static_cast<size_t>(joints[j])] = Drawable(pixel, *image);
-    }
-  }
+void DrawBones(std::span<const JointId> joints, const JointPoints& points, cv::Mat* image) {
   const int thickness = Thickness(*image);
   for (const JointPair& bone : StickFigure()) {
     const std::optional<cv::Point>& a = points[static_cast<size_t>(bone.a)];
@@ -72,6 +62,35 @@ void DrawStickFigure(const Camera& camera, std::span<const JointId> joints,
     cv::circle(*image, *point, (thickness + 1) << kShift, SideColour(joint), cv::FILLED,
                cv::LINE_AA, kShift);
   }
+}
+
+}  // namespace
+
+void DrawStickFigure(const Camera& camera, std::span<const JointId> joints,
+                     const Eigen::Matrix3Xd& joints_in_camera, cv::Mat* image) {
+  CheckColumns(joints, joints_in_camera.cols());
+  JointPoints points(kNumJointIds);
+  for (size_t j = 0; j < joints.size(); ++j) {
+    const Eigen::Vector3d x = joints_in_camera.col(static_cast<Eigen::Index>(j));
+    Eigen::Vector2d pixel;
+    if (x.allFinite() && Project(camera, x, &pixel)) {
+      points[static_cast<size_t>(joints[j])] = Drawable(pixel, *image);
+    }
+  }
+  DrawBones(joints, points, image);
+}
+
+void DrawStickFigure(std::span<const JointId> joints, const Detections2d::Frame& detections,
+                     cv::Mat* image) {
+  CheckColumns(joints, detections.pixels.cols());
+  CheckColumns(joints, detections.confidence.size());
+  JointPoints points(kNumJointIds);
+  for (size_t j = 0; j < joints.size(); ++j) {
+    const auto column = static_cast<Eigen::Index>(j);
+    if (!(detections.confidence[column] > 0)) continue;
+    points[static_cast<size_t>(joints[j])] = Drawable(detections.pixels.col(column), *image);
+  }
+  DrawBones(joints, points, image);
 }
 
 void DrawDetections(std::span<const JointId> joints, const Detections2d::Frame& detections,

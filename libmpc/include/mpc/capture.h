@@ -1,16 +1,18 @@
-// Purpose: the whole capability in one call: a video, a rigged actor and joint detections in, a
-// folder with the actor's performance out. Joins the libraries; computes nothing itself.
+// Purpose: the whole capability in one call: a video and a rigged actor in, a folder with the
+// actor's performance out. Joins the libraries; computes nothing itself.
 // Frames: poses in the camera frame; files as docs/conventions.md says. Units: metres, seconds.
 // Symbols: N dofs, F frames of the video.
 #pragma once
 
 #include <filesystem>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "mpc/core/camera.h"
 #include "mpc/core/progress.h"
+#include "mpc/detect/clip_detector.h"
 #include "mpc/io/gltf.h"
 #include "mpc/pose/pose_estimator.h"
 #include "mpc/refinement.h"
@@ -22,12 +24,13 @@ namespace mpc {
 
 struct CaptureInputs {
   std::filesystem::path video;
-  std::filesystem::path actor;         // .glb or .gltf with a skinned humanoid
-  std::string camera;                  // "file.json" or "file.json:name"; empty: fov_rad
-  double fov_rad = 0;                  // of the picture's longer side, in (0, pi)
-  double image_fps = 0;                // frame rate when `video` is a folder of pictures
-  std::filesystem::path detections2d;  // as many frames as the video
-  std::filesystem::path detections3d;  // the same; empty: 2D only
+  std::filesystem::path actor;              // .glb or .gltf with a skinned humanoid
+  std::string camera;                       // "file.json" or "file.json:name"; empty: fov_rad
+  double fov_rad = 0;                       // of the picture's longer side, in (0, pi)
+  double image_fps = 0;                     // frame rate when `video` is a folder of pictures
+  std::filesystem::path detections2d = {};  // as many frames as the video; empty: the networks
+  std::filesystem::path detections3d = {};  // the same; empty, with detections2d: 2D only
+  std::filesystem::path models = {};        // folder of the networks; empty: DefaultModelFolder()
   // Masks of the person, as many as the video has frames: a video, or a folder of pictures in the
   // order of their names, white (above 127) inside.
   std::filesystem::path masks = {};       // used in place of extracted silhouettes; empty: none
@@ -46,6 +49,7 @@ struct CaptureOptions {
   double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
   bool overlay = true;  // write overlay.mp4
   bool masks = true;    // find silhouettes, refine what they show, write masks.mp4
+  ClipDetectorOptions detect;        // when no detections are given
   ClipRefinementOptions refinement;  // its num_threads is that of `pose`
   SurfaceTargets surface = SurfaceTargets::kKey;
 
@@ -63,7 +67,9 @@ struct CaptureReport {
   bool complete = true;  // false: the progress callback stopped the work
   double fps = 0;
   int num_frames = 0;
-  Camera camera;      // for the video's own resolution
+  Camera camera;  // for the video's own resolution
+  // Relative standard deviation of an estimated focal length; NaN when the camera is given.
+  double focal_uncertainty = std::numeric_limits<double>::quiet_NaN();
   Skeleton skeleton;  // the actor's, with the proportions applied
   PoseTrack track;    // poses N x F of `skeleton`, the refined ones where there are
   WorldPlacement world;
@@ -87,8 +93,9 @@ class Capture {
   Capture(const Capture&) = delete;
   Capture& operator=(const Capture&) = delete;
 
-  // Writes performance.glb, motion.bvh, joints.trc, poses.json, masks.mp4, surface.pc2, overlay.mp4
-  // and, last, report.json, each file whole or not at all. A progress callback that returns false ends the
+  // Without detections finds them first (detections2d.json, detections3d.json). Writes
+  // performance.glb, motion.bvh, joints.trc, poses.json, masks.mp4, surface.pc2, overlay.mp4 and,
+  // last, report.json, each file whole or not at all. A progress callback that returns false ends the
   // work: files that are finished stay, and the report says "complete": false. Memory does not grow
   // with the video's pictures. Throws Error (kWriteFailed, kBadFile for a video that breaks off,
   // kMismatch for masks of another number of frames).

@@ -4,6 +4,7 @@
 
 #include "mpc/capture.h"
 #include "mpc/core/error.h"
+#include "mpc/detect_clip.h"
 #include "mpc/free_view.h"
 #include "mpc/refinement.h"
 #include "mpc/silhouettes.h"

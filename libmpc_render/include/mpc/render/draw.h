@@ -19,6 +19,10 @@ namespace mpc {
 void DrawStickFigure(const Camera& camera, std::span<const JointId> joints,
                      const Eigen::Matrix3Xd& joints_in_camera, cv::Mat* image);
 
+// The same of detected joints; those with confidence 0 are left out.
+void DrawStickFigure(std::span<const JointId> joints, const Detections2d::Frame& detections,
+                     cv::Mat* image);
+
 // A cross per detected joint, the larger and brighter the more confident; none at confidence 0.
 void DrawDetections(std::span<const JointId> joints, const Detections2d::Frame& detections,
                     cv::Mat* image);

@@ -13,7 +13,7 @@ constexpr double kAirDragPerS = 0.9;   // of cloth that hangs free
 constexpr double kLayerDragPerS = 12;  // of cloth that lies on the body, against the body
 // Cloth does not creep: what moves against the body loses this speed per second, m/s^2.
 constexpr double kInnerFriction = 0.3;
-constexpr int kStretchIterations = 5;
+constexpr int kStretchIterations = 3;
 constexpr double kStretchCompliance = 2e-9;  // of unit masses, s^2
 constexpr double kBendCompliance = 4e-4;
 constexpr double kThickness = 0.010;  // distance kept from colliders

@@ -176,8 +176,8 @@ TEST_F(ClothingTest, LengthensHardly) {
     std::sort(strains.begin(), strains.end());
     EXPECT_NEAR(strains[strains.size() / 2], 0, 0.005);
     EXPECT_LT(strains[strains.size() * 9 / 10], 0.025);
-    EXPECT_LT(strains[strains.size() * 99 / 100], 0.05);
-    EXPECT_GT(strains[strains.size() / 100], -0.04);
+    EXPECT_LT(strains[strains.size() * 99 / 100], 0.065);
+    EXPECT_GT(strains[strains.size() / 100], -0.045);
   }
 }
 
@@ -229,9 +229,8 @@ TEST_F(ClothingTest, IsTheSameInAnyThread) {
 }
 
 TEST_F(ClothingTest, StaysFiniteAndNearAtAnyRate) {
-  for (const auto& [fps, kind] : {std::pair{5.0, MotionKind::kJump},
-                                  {24.0, MotionKind::kRoll},
-                                  {240.0, MotionKind::kJump}}) {
+  for (const auto& [fps, kind] :
+       {std::pair{5.0, MotionKind::kJump}, {24.0, MotionKind::kRoll}, {240.0, MotionKind::kJump}}) {
     SCOPED_TRACE(fps);
     const Eigen::MatrixXd poses = MakeMotion(Skirt().character.skeleton, kind, 1.4, fps);
     const Frames frames = Skirt().Do(poses, fps);

@@ -324,7 +324,9 @@ TEST_F(CommandTest, CtrlCLeavesNoHalfSynthesizedClip) {
 }
 
 TEST_F(CommandTest, SegmentsWhatWasCaptured) {
-  ASSERT_EQ(RunCommand(CaptureArguments(clip_->inputs, output())).exit_code, 0);
+  std::vector<std::string> unrefined = CaptureArguments(clip_->inputs, output());
+  unrefined.insert(unrefined.end(), {"--refine", "none"});  // masks of the poses in the folder
+  ASSERT_EQ(RunCommand(unrefined).exit_code, 0);
   const std::string again = (folder_ / "again").string();
   const std::string masks = (output() / "masks.mp4").string();
   const Outcome segment = RunCommand(

@@ -83,7 +83,7 @@ TEST_F(SilhouettesTest, AreNearerToTheTruthThanTheModel) {
   for (size_t f = 0; f < result.masks.size(); ++f) {
     const SilhouetteRecord& record = result.records[f];
     EXPECT_EQ(record.state, SilhouetteState::kCut);
-    EXPECT_LT(record.model_true_iou, 0.8);
+    EXPECT_LT(record.model_true_iou, 0.85);
     EXPECT_GT(record.true_iou, 0.88) << f;
     EXPECT_EQ(record.true_iou, MaskIou(result.masks[f], clip_->truth[f]));
     EXPECT_EQ(record.model_true_iou, MaskIou(result.models[f], clip_->truth[f]));
@@ -204,6 +204,8 @@ class TakeTest : public ::testing::Test {
     CaptureOptions options;
     options.overlay = false;
     options.pose.num_threads = 1;
+    // So that the masks are those of the poses in the folder.
+    options.refinement.frames.level = RefinementLevel::kNone;
     report_ = Capture(inputs, folder(), options).Run();
   }
   fs::path folder() const { return out_ / "take"; }

@@ -49,6 +49,32 @@ Json WorldJson(const WorldPlacement& world) {
           {"moving_camera", !world.moving_world_from_camera.empty()}};
 }
 
+Json PoseOptionsJson(const PoseOptions& options) {
+  return {{"window_frames", options.window_frames},
+          {"overlap_frames", options.overlap_frames},
+          {"basis_size", options.basis_size},
+          {"cutoff_hz", options.cutoff_hz},
+          {"weight_smooth", options.weight_smooth},
+          {"soft_band", options.soft_band},
+          {"adaptive_band", options.adaptive_band},
+          {"lambda_translation", options.lambda_translation},
+          {"lambda_rotation", options.lambda_rotation},
+          {"lambda_angles", options.lambda_angles},
+          {"repair_detections", options.repair_detections},
+          {"anisotropic_3d", options.anisotropic_3d},
+          {"weight_3d", options.weight_3d},
+          {"error_3d_mm", options.error_3d_mm},
+          {"depth_error_ratio", options.depth_error_ratio},
+          {"pixels_in_mm", options.pixels_in_mm},
+          {"confidence_weights", options.confidence_weights},
+          {"robust_2d", options.robust_2d},
+          {"robust_3d", options.robust_3d},
+          {"pck_threshold", options.pck_threshold},
+          {"test_depth_flips", options.test_depth_flips},
+          {"weight_rest", options.weight_rest},
+          {"fit_proportions", options.fit_proportions}};
+}
+
 Json ProportionsJson(const CaptureReport& report) {
   Json parts = Json::object();
   for (int p = 0; p < kNumBodyParts; ++p) {
@@ -139,7 +165,7 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
                     {"detections3d", inputs.detections3d.string()},
                     {"masks", inputs.masks.string()},
                     {"true_masks", inputs.true_masks.string()}};
-  json["options"] = {{"fit_proportions", options.pose.fit_proportions},
+  json["options"] = {{"pose", PoseOptionsJson(options.pose)},
                      {"height_m", options.height_m},
                      {"overlay", options.overlay},
                      {"masks", options.masks}};

@@ -152,13 +152,16 @@ class Calibrator {
 }  // namespace
 
 CalibrationResult CalibrateProportions(const ClipEvidence& evidence,
-                                       const FrameInitialization& initialization) {
+                                       const FrameInitialization& initialization,
+                                       const ProgressCallback& progress) {
+  CalibrationResult result;
   Calibrator calibrator(evidence, initialization);
   PartVector log_scale = PartVector::Zero();
   PartMatrix hessian = PartMatrix::Identity() / (kPriorSigma * kPriorSigma);
   if (calibrator.num_frames() > 0) {
     double cost = calibrator.SolvePoses(evidence, log_scale, &calibrator.poses);
-    for (int iteration = 0; iteration < kMaxIterations; ++iteration) {
+    for (int iteration = 0; iteration < kMaxIterations && !result.cancelled; ++iteration) {
+      if (progress) result.cancelled = !progress({"proportions", iteration, kMaxIterations});
       PartVector gradient;
       calibrator.Reduce(log_scale, &hessian, &gradient);
       const PartVector step = -hessian.ldlt().solve(gradient);
@@ -173,8 +176,10 @@ CalibrationResult CalibrateProportions(const ClipEvidence& evidence,
       calibrator.poses = std::move(poses);
       if (converged) break;
     }
+    if (progress && !result.cancelled) {
+      result.cancelled = !progress({"proportions", kMaxIterations, kMaxIterations});
+    }
   }
-  CalibrationResult result;
   result.proportions = FromLog(log_scale);
   const PartMatrix covariance = hessian.inverse();
   for (int p = 0; p < kNumBodyParts; ++p) {

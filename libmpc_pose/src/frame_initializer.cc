@@ -205,8 +205,9 @@ void FillGaps(const std::vector<bool>& observed, Eigen::MatrixXd* poses) {
 // Solves the frames of a clip one after the other.
 class FrameTracker {
  public:
-  explicit FrameTracker(const ClipEvidence& evidence)
+  FrameTracker(const ClipEvidence& evidence, const ProgressCallback& progress)
       : evidence_(evidence),
+        progress_(progress),
         search_(evidence),
         max_gap_(std::max(2, Frames(kMaxTrackedGapSeconds))),
         check_every_(std::max(1, Frames(kCheckSeconds))),
@@ -252,8 +253,9 @@ class FrameTracker {
   void Follow(int seed, int direction) {
     int previous = usable_[seed];
     int unchecked = 0;
-    for (int i = seed + direction; IsUsable(i); i += direction) {
+    for (int i = seed + direction; IsUsable(i) && !result.cancelled; i += direction) {
       const int f = usable_[i];
+      result.cancelled = !ReportVisit();
       const bool near = std::abs(f - previous) <= max_gap_;
       FrameObservation seen = result.observations[f];
       search_.Reset();
@@ -279,6 +281,12 @@ class FrameTracker {
  private:
   int Frames(double seconds) const {
     return static_cast<int>(std::lround(seconds * evidence_.fps()));
+  }
+
+  // False when the work is to stop.
+  bool ReportVisit() {
+    ++num_visited_;
+    return !progress_ || progress_({"start", num_visited_, static_cast<int>(usable_.size())});
   }
 
   bool IsUsable(int i) const { return i >= 0 && i < static_cast<int>(usable_.size()); }
@@ -339,6 +347,7 @@ class FrameTracker {
   }
 
   const ClipEvidence& evidence_;
+  const ProgressCallback& progress_;
   FrameSearch search_;
   int max_gap_;
   int check_every_;
@@ -346,14 +355,16 @@ class FrameTracker {
   std::vector<double> costs_;  // per frame
   double cost_sum_ = 0;
   int num_solved_ = 0;
+  int num_visited_ = 1;  // with the seed
 };
 
 }  // namespace
 
 double PersonDepth(const Eigen::VectorXd& pose) { return std::max(0.1, pose[2]); }
 
-FrameInitialization InitializeFrames(const ClipEvidence& evidence) {
-  FrameTracker tracker(evidence);
+FrameInitialization InitializeFrames(const ClipEvidence& evidence,
+                                     const ProgressCallback& progress) {
+  FrameTracker tracker(evidence, progress);
   const int seed = tracker.SolveSeed();
   if (seed < 0) {
     throw Error(ErrorCode::kMismatch,

@@ -195,17 +195,31 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
 
   Stopwatch initialization_watch;
   ClipEvidence evidence(skeleton, camera, detections2d, detections3d, fps, options);
-  FrameInitialization initialization = InitializeFrames(evidence);
+  const int num_passes = options.fit_proportions ? 2 : 1;
+  const auto initialize = [&](int pass) {
+    ProgressCallback of_all_passes;
+    if (progress) {
+      of_all_passes = [&progress, pass, num_passes](const Progress& step) {
+        return progress({step.stage, pass * step.num_steps + step.step,
+                         num_passes * step.num_steps});
+      };
+    }
+    return InitializeFrames(evidence, of_all_passes);
+  };
+  FrameInitialization initialization = initialize(0);
   track.seconds_initialization = initialization_watch.Seconds();
 
   Stopwatch calibration_watch;
-  if (options.fit_proportions) {
-    const CalibrationResult calibration = CalibrateProportions(evidence, initialization);
+  if (options.fit_proportions && !initialization.cancelled) {
+    const CalibrationResult calibration =
+        CalibrateProportions(evidence, initialization, progress);
     track.proportions = calibration.proportions;
     track.uncertainty = calibration.uncertainty;
+    track.cancelled = calibration.cancelled;
     evidence = evidence.ForSkeleton(ScaledSkeleton(skeleton, track.proportions));
-    initialization = InitializeFrames(evidence);
+    if (!track.cancelled) initialization = initialize(1);
   }
+  track.cancelled = track.cancelled || initialization.cancelled;
   track.seconds_calibration = calibration_watch.Seconds();
 
   Stopwatch batch_watch;

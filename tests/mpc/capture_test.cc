@@ -105,6 +105,19 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   EXPECT_EQ(overlay.num_frames(), clip_->num_frames);
 }
 
+TEST_F(CaptureTest, TheReportSaysHowThePosesWereMade) {
+  CaptureOptions options = QuickOptions();
+  options.pose = PoseOptions::Paper();
+  options.pose.cutoff_hz = 3;
+  Capture(clip_->inputs, out_.path(), options).Run();
+  const nlohmann::json pose = ReadReport(out_.path())["options"]["pose"];
+  EXPECT_EQ(pose["basis_size"], 8);
+  EXPECT_EQ(pose["weight_smooth"], 50);
+  EXPECT_EQ(pose["cutoff_hz"], 3);
+  EXPECT_EQ(pose["fit_proportions"], false);
+  EXPECT_EQ(pose["anisotropic_3d"], false);
+}
+
 TEST_F(CaptureTest, FindsTheMotion) {
   Capture capture(clip_->inputs, out_.path(), QuickOptions());
   const CaptureReport report = capture.Run();
@@ -297,8 +310,8 @@ TEST_F(CaptureTest, ProgressCountsEveryStageToItsEnd) {
     last[std::string(progress.stage)] = progress;
     return true;
   });
-  EXPECT_EQ(last.size(), 4u);
-  for (const char* stage : {"video", "pose", "silhouettes", "overlay"}) {
+  EXPECT_EQ(last.size(), 6u);
+  for (const char* stage : {"video", "start", "proportions", "pose", "silhouettes", "overlay"}) {
     EXPECT_EQ(last[stage].step, last[stage].num_steps) << stage;
     EXPECT_GT(last[stage].num_steps, 0) << stage;
   }

@@ -66,35 +66,6 @@ TEST_P(AccuracyTest, WhiteNoise) {
 
 TEST_P(AccuracyTest, MeasuredErrors) { Check(DetectionNoise::Measured(), GetParam().measured_mm); }
 
-// The third frame after a second in which nothing was seen, beside the same frame of the same dice
-// without the gap. Estimates draw on the frames around them, of which half are missing there, so white
-// noise averages out less: by up to the square root of two. Without noise nothing of the gap is left.
-double ThirdVisibleFrame(const DetectionNoise& visible, bool gap) {
-  double error = 0;
-  constexpr int kSeeds = 10;
-  for (const MotionKind motion : {MotionKind::kWalk, MotionKind::kReach}) {
-    for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
-      DetectionNoise noise = visible;
-      if (gap) noise.gaps = {{25, 55}};
-      const SyntheticClip clip = MakeClip(motion, 75, kFps, noise, seed);
-      const PoseTrack track = testing::Estimate(clip, testing::PlainOptions());
-      error += FrameErrors(clip, clip.skeleton, track.poses)[57] / (2 * kSeeds);
-    }
-  }
-  return error;
-}
-
-TEST(OcclusionTest, ErrorsAreBackByTheThirdVisibleFrame) {
-  const double exact_whole = ThirdVisibleFrame({}, false);
-  const double exact = ThirdVisibleFrame({}, true);
-  const double noisy_whole = ThirdVisibleFrame(DetectionNoise::White(5, 30, 0, 0), false);
-  const double noisy = ThirdVisibleFrame(DetectionNoise::White(5, 30, 0, 0), true);
-  std::printf("third visible frame: %.1f mm, without the gap %.1f mm; exact %.1f and %.1f mm\n",
-              noisy, noisy_whole, exact, exact_whole);
-  EXPECT_LE(exact, 1.1 * exact_whole);
-  EXPECT_LE(noisy, std::sqrt(2.0) * noisy_whole);
-}
-
 INSTANTIATE_TEST_SUITE_P(
     Motions, AccuracyTest,
     ::testing::Values(Bounds{MotionKind::kWalk, 20, 50}, Bounds{MotionKind::kSquat, 21, 50},

@@ -5,6 +5,8 @@
 
 #include <cmath>
 #include <limits>
+#include <map>
+#include <string>
 
 #include "pose/synthetic_clip.h"
 #include "support/expect_error.h"
@@ -150,19 +152,42 @@ TEST(PoseEstimatorTest, WorksWithout3d) {
   }
 }
 
-TEST(PoseEstimatorTest, TheCallbackCanStop) {
-  const SyntheticClip clip = MakeClip(MotionKind::kWalk, 260, 30, LightNoise(), 10);
-  int calls = 0;
-  const PoseTrack track = EstimatePoses(clip.skeleton, clip.camera, clip.detections.detections2d,
-                                        &clip.detections.detections3d, 30, PlainOptions(),
-                                        [&](const Progress& progress) {
-                                          EXPECT_EQ(progress.stage, "pose");
-                                          return ++calls < 1;
-                                        });
-  EXPECT_TRUE(track.cancelled);
-  EXPECT_EQ(calls, 1);
-  EXPECT_TRUE(track.poses.allFinite());
-  EXPECT_EQ(track.frames.size(), 260u);
+TEST(PoseEstimatorTest, TheCallbackCanStopInEveryStage) {
+  const SyntheticClip clip = MakeClip(MotionKind::kWalk, 130, 30, LightNoise(), 10);
+  PoseOptions options = PlainOptions();
+  options.fit_proportions = true;
+  for (const char* stage : {"start", "proportions", "pose"}) {
+    int calls = 0;
+    const PoseTrack track = EstimatePoses(clip.skeleton, clip.camera, clip.detections.detections2d,
+                                          &clip.detections.detections3d, 30, options,
+                                          [&](const Progress& progress) {
+                                            calls += progress.stage == stage ? 1 : 0;
+                                            return calls < 2;
+                                          });
+    EXPECT_TRUE(track.cancelled) << stage;
+    EXPECT_EQ(calls, 2) << stage;
+    EXPECT_TRUE(track.poses.allFinite()) << stage;
+    EXPECT_EQ(track.frames.size(), 130u) << stage;
+  }
+}
+
+TEST(PoseEstimatorTest, ProgressCountsEveryStageToItsEnd) {
+  const SyntheticClip clip = MakeClip(MotionKind::kWalk, 60, 30, LightNoise(), 10);
+  PoseOptions options = PlainOptions();
+  options.fit_proportions = true;
+  std::map<std::string, Progress> last;
+  EstimatePoses(clip.skeleton, clip.camera, clip.detections.detections2d,
+                &clip.detections.detections3d, 30, options, [&](const Progress& progress) {
+                  Progress& before = last[std::string(progress.stage)];
+                  EXPECT_GE(progress.step, before.step) << progress.stage;
+                  before = progress;
+                  return true;
+                });
+  EXPECT_EQ(last.size(), 3u);
+  for (const char* stage : {"start", "proportions", "pose"}) {
+    EXPECT_GT(last[stage].step, 0) << stage;
+    EXPECT_EQ(last[stage].step, last[stage].num_steps) << stage;
+  }
 }
 
 TEST(PoseEstimatorTest, NobodySeenIsAnError) {

@@ -7,6 +7,7 @@
 
 #include <array>
 
+#include "mpc/core/progress.h"
 #include "mpc/pose/clip_evidence.h"
 #include "mpc/pose/frame_initializer.h"
 #include "mpc/skeleton/proportions.h"
@@ -22,12 +23,15 @@ struct ProportionsUncertainty {
 struct CalibrationResult {
   Proportions proportions;
   ProportionsUncertainty uncertainty;
+  bool cancelled = false;  // stopped by the callback: the scales so far
 };
 
 // Estimates the parts' scales from `evidence` (its skeleton is the rig's own) and the frames'
 // initial poses. Without observed frames the result is the rig itself. The overall scale stays 1:
-// one camera cannot tell a large person far away from a small one near by.
+// one camera cannot tell a large person far away from a small one near by. Reports progress per
+// iteration as stage "proportions".
 CalibrationResult CalibrateProportions(const ClipEvidence& evidence,
-                                       const FrameInitialization& initialization);
+                                       const FrameInitialization& initialization,
+                                       const ProgressCallback& progress = {});
 
 }  // namespace mpc

@@ -46,14 +46,14 @@ struct PoseTrack {
   Proportions proportions;          // the poses are those of ScaledSkeleton(skeleton, proportions)
   ProportionsUncertainty uncertainty;
   int num_windows = 0;
-  bool cancelled = false;  // stopped by the callback: windows not solved hold the initialisation
+  bool cancelled = false;  // stopped by the callback: windows not solved hold the start of the frames
   double seconds_initialization = 0;
   double seconds_calibration = 0;
   double seconds_batch = 0;
 };
 
-// Both detections have F frames; detections3d may be null (2D only). fps > 0. Reports progress per
-// window as stage "pose". Throws Error: kInvalidArgument (options, camera, sizes), kMismatch (frame
+// Both detections have F frames; detections3d may be null (2D only). fps > 0. Reports progress as the
+// stages "start" (frames), "proportions" (iterations) and "pose" (windows). Throws Error: kInvalidArgument (options, camera, sizes), kMismatch (frame
 // counts differ, nobody seen in any frame). The result does not depend on options.num_threads.
 PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
                         const Detections2d& detections2d, const Detections3d* detections3d,

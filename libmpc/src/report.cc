@@ -63,6 +63,7 @@ Json PoseOptionsJson(const PoseOptions& options) {
           {"repair_detections", options.repair_detections},
           {"anisotropic_3d", options.anisotropic_3d},
           {"weight_3d", options.weight_3d},
+          {"error_2d_mm", options.error_2d_mm},
           {"error_3d_mm", options.error_3d_mm},
           {"depth_error_ratio", options.depth_error_ratio},
           {"pixels_in_mm", options.pixels_in_mm},

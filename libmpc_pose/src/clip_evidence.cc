@@ -3,11 +3,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <numeric>
 #include <string_view>
 #include <utility>
 
+#include "anchored_joints.h"
 #include "mpc/pose/detection_repair.h"
 #include "translation_fit.h"
 
@@ -19,8 +21,13 @@ using enum JointId;
 constexpr double kDegree = std::numbers::pi / 180;
 // From the median length of the error to its root mean square.
 constexpr double kErrorSpread = 1.3;
+constexpr double kMinError2dMm = 7;
+// Part of the errors is followed by the solution that they are measured from.
+constexpr double kFollowed = 1.35;
+constexpr double kMinFpsForWhite = 15;  // below it lasting errors change from frame to frame too
 constexpr double kMinError3dMm = 20;
 constexpr double kMaxError3dMm = 100;
+constexpr double kAllOrNothing = 0.1;  // shares of white errors this near to 0 or 1 are that
 constexpr double kWhiteRestDiscount = 0.85;
 constexpr int kErrorFrames = 60;  // frames the 3D detections' error is measured on
 constexpr double kNoPck = 1e3;    // PCK of a frame that cannot be compared
@@ -176,6 +183,7 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
       detections2d_(std::make_shared<Detections2d>(detections2d)),
       fps_(fps),
       options_(options),
+      error_2d_mm_(options.error_2d_mm > 0 ? options.error_2d_mm : kError2dMm),
       error_3d_mm_(options.error_3d_mm),
       depth_error_ratio_(options.depth_error_ratio) {
   if (detections3d != nullptr) detections3d_ = std::make_shared<Detections3d>(*detections3d);
@@ -297,6 +305,17 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap, const Eigen::Vector
   if (rigid_length == 0) {
     observation.bone.clear();
     return observation;
+  }
+  for (int j = 0; j < skeleton_.num_joints(); ++j) {
+    Eigen::Vector3d x;
+    double confidence = 0;
+    if (static_cast<int>(skeleton_.joints[j].id) >= kNumPaperJoints ||
+        !Position3d(f, skeleton_.joints[j].id, swap, &x, &confidence)) {
+      continue;
+    }
+    observation.joint_3d.push_back(j);
+    observation.position_3d.push_back(camera_from_detection * x);
+    observation.confidence_3d.push_back(options_.confidence_weights ? confidence : 1);
   }
   // Rigid bones take the actor's length, the others (across the spine or neck) the frame's scale.
   observation.scale_3d = rigid_length / detected_length;
@@ -433,11 +452,56 @@ void ClipEvidence::MeasureError3d() {
   const double white_ratio = std::sqrt(white_along2 / std::max(1e-6, white_across2));
   depth_error_ratio_ = (1 - share) * options_.depth_error_ratio +
                        share * std::clamp(white_ratio, 0.5, options_.depth_error_ratio);
-  white_share_ = share;
+  white_share_ = share < kAllOrNothing ? 0 : share > 1 - kAllOrNothing ? 1 : share;
+  error_white_mm_ = std::clamp(std::sqrt(white_across2), kMinError3dMm, kMaxError3dMm);
+}
+
+void ClipEvidence::TrustError2d() {
+  if (fps_ >= kMinFpsForWhite) error_2d_mm_ = kMinError2dMm;
+}
+
+// Errors that last (joints that are defined differently) are fitted away in part and leave residuals
+// that last too: then nothing says how large they are. White errors stay in the residuals as they are.
+void ClipEvidence::MeasureError2d(const std::vector<FrameObservation>& observations,
+                                  const Eigen::MatrixXd& poses) {
+  if (fps_ < kMinFpsForWhite) return;
+  std::vector<double> lengths2;  // squared residuals, mm^2
+  std::vector<double> changes2;  // of their changes from frame to frame
+  KinematicState state;
+  const Eigen::Matrix2Xd unseen = Eigen::Matrix2Xd::Constant(
+      2, skeleton_.num_joints(), std::numeric_limits<double>::quiet_NaN());
+  Eigen::Matrix2Xd before = unseen;
+  for (int f = 0; f < num_frames(); ++f) {
+    Eigen::Matrix2Xd residuals = unseen;
+    ForwardKinematics(skeleton_, poses.col(f), &state);
+    const double mm_per_px = 2000 * poses(2, f) / (camera_.fx + camera_.fy);
+    for (const Observation2d& point : observations[f].points) {
+      Eigen::Vector2d pixel;
+      if (JointTrust(skeleton_.joints[point.joint].id) < 1 ||
+          !Project(camera_, state.joints.col(point.joint), &pixel)) {
+        continue;
+      }
+      residuals.col(point.joint) = mm_per_px * (pixel - point.pixel);
+      lengths2.push_back(residuals.col(point.joint).squaredNorm());
+      const double change2 = (residuals - before).col(point.joint).squaredNorm();
+      if (std::isfinite(change2)) changes2.push_back(change2);
+    }
+    before = residuals;
+  }
+  error_2d_mm_ = kError2dMm;
+  if (changes2.empty()) return;
+  const double length2 = Median(&lengths2);
+  // White residuals change by twice their variance. What is less than half white counts as lasting.
+  const double white = std::clamp(Median(&changes2) / std::max(1e-6, length2) - 1, 0.0, 1.0);
+  // 1.386: median of |x|^2 for two unit normals.
+  error_2d_mm_ =
+      std::clamp(white * kFollowed * std::sqrt(length2 / 1.386) + (1 - white) * kError2dMm,
+                 kMinError2dMm, kError2dMm);
 }
 
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,
-                                       double loss_width, const Eigen::VectorXd& rest) const {
+                                       double loss_width, const Eigen::VectorXd& rest,
+                                       const Eigen::Matrix3Xd* joints) const {
   FrameProblem problem;
   // The sums of E_2d and E_3d are means over the paper's joints.
   const double mean = 1.0 / kNumPaperJoints;
@@ -445,7 +509,8 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
                                  ? 1000 * depth_m * 2 / (camera_.fx + camera_.fy)
                                  : 1920.0 / std::max(camera_.width, camera_.height);
   std::vector<Observation2d> points = observation.points;
-  for (Observation2d& point : points) point.weight *= mean;
+  const double gain_2d = kError2dMm / error_2d_mm_;
+  for (Observation2d& point : points) point.weight *= mean * gain_2d * gain_2d;
   problem.reprojection =
       ReprojectionEnergy(camera_, std::move(points), unit_per_px, loss_width * options_.robust_2d);
 
@@ -453,14 +518,24 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     const Eigen::Matrix3d& rotation = observation.camera_from_ray;
     std::vector<BoneObservation> vectors;
     vectors.reserve(observation.bone.size());
-    for (size_t i = 0; i < observation.bone.size(); ++i) {
+    const int pelvis = joint_index_[static_cast<int>(kPelvis)];
+    const double white_share = joints != nullptr && pelvis >= 0 ? white_share_ : 0;
+    for (size_t i = 0; white_share < 1 && i < observation.bone.size(); ++i) {
       const EvidenceBone& bone = bones_[observation.bone[i]];
-      vectors.push_back(
-          {bone.a, bone.b, observation.bone_vector[i], mean * observation.bone_confidence[i]});
+      vectors.push_back({bone.a, bone.b, observation.bone_vector[i],
+                         (1 - white_share) * mean * observation.bone_confidence[i]});
     }
     BoneVectorWeights weights;
     weights.across = kError2dMm / error_3d_mm_;
     weights.along = weights.across / depth_error_ratio_;
+    if (white_share > 0) {
+      const double gain = error_3d_mm_ / error_white_mm_;
+      for (BoneObservation joint :
+           AnchorJoints(observation, *joints, pelvis, error_white_mm_ / 1000)) {
+        joint.weight *= white_share * mean * gain * gain;
+        vectors.push_back(joint);
+      }
+    }
     weights.robust_scale = loss_width * options_.robust_3d;
     problem.bone_vectors = BoneVectorEnergy(std::move(vectors), rotation, weights);
   } else if (observation.use_3d) {

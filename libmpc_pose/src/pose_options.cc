@@ -18,6 +18,7 @@ PoseOptions PoseOptions::Paper() {
   options.anisotropic_3d = false;
   options.pixels_in_mm = false;
   options.confidence_weights = false;
+  options.error_2d_mm = 20;
   options.robust_2d = 0;
   options.robust_3d = 0;
   options.test_depth_flips = false;
@@ -47,6 +48,7 @@ void PoseOptions::Validate() const {
   non_negative(lambda_rotation, "lambda_rotation");
   non_negative(lambda_angles, "lambda_angles");
   non_negative(weight_3d, "weight_3d");
+  non_negative(error_2d_mm, "error_2d_mm");
   non_negative(error_3d_mm, "error_3d_mm");
   require(depth_error_ratio > 0 && depth_error_ratio < 1e6,
           fmt::format("depth_error_ratio is {}, not > 0", depth_error_ratio));

@@ -89,10 +89,11 @@ double IdealThirdVisibleFrame(MotionKind motion, bool gap) {
     }
     const MatrixXd of_dof = basis.transpose() * inverse.asDiagonal() * basis;
     for (int f = 0; f < kFrames; ++f) {
-      for (int g = 0; g < kFrames; ++g) precision(f * num_dofs + n, g * num_dofs + n) = of_dof(f, g);
+      for (int g = 0; g < kFrames; ++g)
+        precision(f * num_dofs + n, g * num_dofs + n) = of_dof(f, g);
     }
   }
-  MatrixXd jacobian;  // of the joints in the frame asked for, relative to the pelvis
+  MatrixXd jacobian;  // of the joints in the frame asked for, relative to the hips
   for (int f = 0; f < kFrames; ++f) {
     PosePoint at;
     at.pose = clip.poses.col(f);
@@ -101,7 +102,9 @@ double IdealThirdVisibleFrame(MotionKind motion, bool gap) {
     const Eigen::Matrix3d turn = chart.Jacobian(s.block<3, 1>(3, f));
     if (f == kThirdVisible) {
       jacobian = at.joint_jacobian.topRows(3 * kNumPaperJoints);
-      const MatrixXd root = jacobian.middleRows<3>(3 * static_cast<int>(JointId::kPelvis));
+      const MatrixXd root =
+          0.5 * (jacobian.middleRows<3>(3 * static_cast<int>(JointId::kLeftHip)) +
+                 jacobian.middleRows<3>(3 * static_cast<int>(JointId::kRightHip)));
       jacobian -= root.replicate(kNumPaperJoints, 1);
       jacobian.middleCols<3>(3) *= turn;
     }

@@ -38,6 +38,9 @@ struct FrameObservation {
   std::vector<int> bone;                     // indices into ClipEvidence::bones()
   std::vector<Eigen::Vector3d> bone_vector;  // camera axes, rescaled to the actor, m
   std::vector<double> bone_confidence;
+  std::vector<int> joint_3d;                 // joints seen in 3D, indices into Skeleton::joints
+  std::vector<Eigen::Vector3d> position_3d;  // camera axes, as detected, any origin, m
+  std::vector<double> confidence_3d;
   double scale_3d = 1;  // the actor's lengths over the detected ones
   Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
   double mm_per_px = 0;  // at the person, from t_f
@@ -64,6 +67,13 @@ class ClipEvidence {
   // Share of the 3D error's variance that changes from frame to frame; the rest lasts for seconds.
   double white_share() const { return white_share_; }
 
+  // 2D residuals weigh (20 mm / error)^2. The error is measured in two steps: a first solution that
+  // trusts the 2D detections as far as they can be trusted, and how far they lie from it per axis
+  // (poses N x F, with the observations they explain). Below 15 frames per second it stays 20 mm.
+  void TrustError2d();
+  void MeasureError2d(const std::vector<FrameObservation>& observations,
+                      const Eigen::MatrixXd& poses);
+
   // hips: where they are in the camera, if known: the ray that ray-aligned 3D detections follow.
   // Without, the ray through the middle of the 2D points stands for it.
   FrameObservation Observe(int f, SideSwap swap = SideSwap::kNone,
@@ -71,9 +81,11 @@ class ClipEvidence {
 
   // The frame's energies. depth_m: distance of the person along the optical axis, for the unit of
   // 2D residuals. loss_width: factor on the options' robust scales, 0 for plain squares. rest: the
-  // rest prior's target (N).
+  // rest prior's target (N). joints: those of a pose near the solution, if known (3xJ): so far as the
+  // errors of the 3D detections are white, joints count on their own there instead of bones.
   FrameProblem MakeProblem(const FrameObservation& observation, double depth_m, double loss_width,
-                           const Eigen::VectorXd& rest) const;
+                           const Eigen::VectorXd& rest,
+                           const Eigen::Matrix3Xd* joints = nullptr) const;
 
  private:
   bool Position3d(int f, JointId id, SideSwap swap, Eigen::Vector3d* position,
@@ -91,9 +103,11 @@ class ClipEvidence {
   double fps_ = 0;
   PoseOptions options_;
   std::vector<EvidenceBone> bones_;
+  double error_2d_mm_ = kError2dMm;
   double error_3d_mm_ = 0;        // typical error of the 3D detections across the ray
   double depth_error_ratio_ = 1;  // and along the ray over that
   double white_share_ = 0;
+  double error_white_mm_ = 0;                    // that part across the ray, per axis
   Eigen::VectorXd rest_weights_;                 // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
   std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there

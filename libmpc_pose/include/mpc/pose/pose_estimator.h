@@ -46,7 +46,8 @@ struct PoseTrack {
   Proportions proportions;          // the poses are those of ScaledSkeleton(skeleton, proportions)
   ProportionsUncertainty uncertainty;
   int num_windows = 0;
-  bool cancelled = false;  // stopped by the callback: windows not solved hold the start of the frames
+  bool cancelled =
+      false;  // stopped by the callback: windows not solved hold the start of the frames
   double seconds_initialization = 0;
   double seconds_calibration = 0;
   double seconds_batch = 0;

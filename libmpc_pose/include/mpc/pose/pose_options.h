@@ -14,7 +14,7 @@ struct PoseOptions {
 
   // Trajectory subspace, E_d.
   int basis_size = 0;          // K; 0: from the frame rate and cutoff_hz. Paper: 8
-  double cutoff_hz = 4;        // ours: motion above it is noise. In (0, 1000]
+  double cutoff_hz = 6;        // ours: motion above it is noise. In (0, 1000]
   double weight_smooth = 0.3;  // w_d. Paper: 50, practically a hard projection
   bool soft_band = true;       // ours: w_d fades in as (k / K)^8 inside the subspace; false: paper
   bool adaptive_band = true;   // ours: and then follows the spectrum of each dof; false: paper
@@ -30,6 +30,8 @@ struct PoseOptions {
   // ours: bone residuals weigh (20 mm / error)^2. The error across the ray is 0: measured per clip
   // from how far the projected 3D lies from the 2D; along the ray it is depth_error_ratio as large.
   double error_3d_mm = 0;
+  // ours: 2D residuals weigh (20 mm / error)^2; 0: measured per clip, in [7, 20]. Paper: 20
+  double error_2d_mm = 0;
   double depth_error_ratio = 2.2;
   bool pixels_in_mm = true;        // 2D residuals in mm at the person; false: px of a 1920 frame
   bool confidence_weights = true;  // 2D detections weighted by their confidence; false: 1 or 0

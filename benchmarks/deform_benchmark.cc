@@ -14,28 +14,29 @@ namespace {
 
 using mpc::testing::Camera1080;
 
-// The procedural actor with each triangle cut into three around its centre.
+// The procedural actor with every third triangle cut into three around its centre: 14,000 vertices.
 const mpc::Character& DenseActor() {
   static const mpc::Character dense = [] {
     mpc::Character c = mpc::testing::Actor();
     const mpc::Triangles coarse = c.mesh.triangles;
-    const Eigen::Index num_vertices = c.mesh.positions.cols(), num_new = coarse.cols();
+    const Eigen::Index num_vertices = c.mesh.positions.cols(), num_coarse = coarse.cols();
+    const Eigen::Index num_new = num_coarse / 3;
     c.mesh.positions.conservativeResize(3, num_vertices + num_new);
     c.segments.conservativeResize(Eigen::NoChange, num_vertices + num_new);
     c.weights.conservativeResize(Eigen::NoChange, num_vertices + num_new);
-    c.mesh.triangles.resize(3, 3 * num_new);
-    for (Eigen::Index t = 0; t < num_new; ++t) {
-      const Eigen::Vector3i corner = coarse.col(t);
-      const int centre = static_cast<int>(num_vertices + t);
+    c.mesh.triangles.conservativeResize(3, num_coarse + 2 * num_new);
+    for (Eigen::Index i = 0; i < num_new; ++i) {
+      const Eigen::Vector3i corner = coarse.col(3 * i);
+      const int centre = static_cast<int>(num_vertices + i);
       c.mesh.positions.col(centre) =
           (c.mesh.positions.col(corner[0]) + c.mesh.positions.col(corner[1]) +
            c.mesh.positions.col(corner[2])) /
           3;
       c.segments.col(centre) = c.segments.col(corner[0]);
       c.weights.col(centre) = c.weights.col(corner[0]);
-      for (int i = 0; i < 3; ++i) {
-        c.mesh.triangles.col(3 * t + i) << corner[i], corner[(i + 1) % 3], centre;
-      }
+      c.mesh.triangles.col(3 * i) << corner[0], corner[1], centre;
+      c.mesh.triangles.col(num_coarse + 2 * i) << corner[1], corner[2], centre;
+      c.mesh.triangles.col(num_coarse + 2 * i + 1) << corner[2], corner[0], centre;
     }
     return c;
   }();
@@ -64,6 +65,7 @@ void RefinePose(benchmark::State& state) {
   }
   state.counters["steps"] = result.num_steps;
   state.counters["cost"] = result.cost_after;
+  state.counters["vertices"] = static_cast<double>(DenseActor().mesh.positions.cols());
 }
 BENCHMARK(RefinePose)->Unit(benchmark::kMicrosecond);
 

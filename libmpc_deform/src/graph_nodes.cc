@@ -1,12 +1,11 @@
 #include "graph_nodes.h"
 
 #include <OpenMesh/Core/Mesh/TriMesh_ArrayKernelT.hh>
-#include <OpenMesh/Tools/Decimater/DecimaterT.hh>
-#include <OpenMesh/Tools/Decimater/ModEdgeLengthT.hh>
 #include <algorithm>
 #include <array>
 #include <limits>
 #include <numeric>
+#include <queue>
 
 namespace mpc {
 namespace {
@@ -36,7 +35,67 @@ bool Fits(const HalfedgeMesh& mesh, const Corners& corners) {
   return true;
 }
 
-// Collapses the shortest edges until num_nodes vertices are left, or none can go.
+// Collapses the shortest edges first. Legality is asked for an edge whose turn it is, and again only
+// after something close to it has changed: OpenMesh's own decimater asks for all edges around.
+class EdgeCollapser {
+ public:
+  explicit EdgeCollapser(HalfedgeMesh* mesh) : mesh_(*mesh), refused_(mesh->n_edges(), 0) {
+    for (const OpenMesh::EdgeHandle e : mesh_.edges()) Push(e);
+  }
+
+  // One edge less; false when none can go.
+  bool Collapse() {
+    while (!queue_.empty()) {
+      const auto [length, edge] = queue_.top();
+      queue_.pop();
+      const OpenMesh::EdgeHandle e(edge);
+      if (mesh_.status(e).deleted() || length != mesh_.calc_edge_sqr_length(e)) continue;
+      for (const unsigned side : {0u, 1u}) {
+        const OpenMesh::HalfedgeHandle h = mesh_.halfedge_handle(e, side);
+        if (!IsLegal(h)) continue;
+        const OpenMesh::VertexHandle kept = mesh_.to_vertex_handle(h);
+        mesh_.collapse(h);
+        Renew(kept);
+        return true;
+      }
+      refused_[edge] = 1;
+    }
+    return false;
+  }
+
+ private:
+  using Entry = std::pair<float, int>;  // squared length, edge
+
+  void Push(OpenMesh::EdgeHandle e) {
+    refused_[e.idx()] = 0;
+    queue_.push({mesh_.calc_edge_sqr_length(e), e.idx()});
+  }
+
+  // Whether the start of h may go to its end. A boundary keeps to its course.
+  bool IsLegal(OpenMesh::HalfedgeHandle h) {
+    const OpenMesh::VertexHandle from = mesh_.from_vertex_handle(h);
+    if (mesh_.is_boundary(from) && !mesh_.is_boundary(mesh_.edge_handle(h))) return false;
+    int faces = 0;
+    for (const OpenMesh::FaceHandle f : mesh_.vf_range(from)) faces += f.is_valid();
+    return faces >= 2 && mesh_.is_collapse_ok(h);
+  }
+
+  // Edges that have another end now, and those that were refused with the old surroundings.
+  void Renew(OpenMesh::VertexHandle kept) {
+    for (const OpenMesh::EdgeHandle e : mesh_.ve_range(kept)) Push(e);
+    for (const OpenMesh::VertexHandle near : mesh_.vv_range(kept)) {
+      for (const OpenMesh::EdgeHandle e : mesh_.ve_range(near)) {
+        if (refused_[e.idx()]) Push(e);
+      }
+    }
+  }
+
+  HalfedgeMesh& mesh_;
+  std::vector<char> refused_;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
+};
+
+// What remains of the mesh when num_nodes vertices are left, or no edge can go.
 GraphNodes Decimate(const Eigen::Matrix3Xf& positions, const Triangles& triangles,
                     const std::vector<char>& used, int num_nodes) {
   HalfedgeMesh mesh;
@@ -60,15 +119,9 @@ GraphNodes Decimate(const Eigen::Matrix3Xf& positions, const Triangles& triangle
     if (Fits(mesh, corners)) mesh.add_face(corners[0], corners[1], corners[2]);
   }
 
-  const int surplus = static_cast<int>(mesh.n_vertices()) - num_nodes;
-  if (surplus > 0) {
-    OpenMesh::Decimater::DecimaterT<HalfedgeMesh> decimater(mesh);
-    OpenMesh::Decimater::ModEdgeLengthT<HalfedgeMesh>::Handle shortest;
-    decimater.add(shortest);
-    decimater.module(shortest).set_edge_length(1e18f);
-    decimater.module(shortest).set_binary(false);
-    decimater.initialize();
-    decimater.decimate(surplus);
+  EdgeCollapser collapser(&mesh);
+  for (size_t left = mesh.n_vertices(); left > static_cast<size_t>(num_nodes); --left) {
+    if (!collapser.Collapse()) break;
   }
 
   GraphNodes nodes;

@@ -210,6 +210,9 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
 ClipEvidence ClipEvidence::ForSkeleton(const Skeleton& skeleton) const {
   ClipEvidence evidence = *this;
   evidence.SetSkeleton(skeleton);
+  for (size_t i = 0; i < bones_.size(); ++i) {
+    evidence.bones_[i].gain = bones_[i].gain * bones_[i].length / evidence.bones_[i].length;
+  }
   return evidence;
 }
 
@@ -523,7 +526,8 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     for (size_t i = 0; white_share < 1 && i < observation.bone.size(); ++i) {
       const EvidenceBone& bone = bones_[observation.bone[i]];
       vectors.push_back({bone.a, bone.b, observation.bone_vector[i],
-                         (1 - white_share) * mean * observation.bone_confidence[i]});
+                         (1 - white_share) * mean * bone.gain * bone.gain *
+                             observation.bone_confidence[i]});
     }
     BoneVectorWeights weights;
     weights.across = kError2dMm / error_3d_mm_;

@@ -27,6 +27,9 @@ struct EvidenceBone {
   int b = 0;
   double length = 0;  // m, at rest
   bool rigid = true;  // the length never changes; false across the spine or neck
+  // The length on which 3D errors were measured, over this one: a detection's errors grow with the
+  // length it is rescaled to, so a shorter bone is no better explained.
+  double gain = 1;
 };
 
 // Which detections have their left and right joints exchanged.

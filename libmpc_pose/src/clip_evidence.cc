@@ -525,9 +525,9 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     const double white_share = joints != nullptr && pelvis >= 0 ? white_share_ : 0;
     for (size_t i = 0; white_share < 1 && i < observation.bone.size(); ++i) {
       const EvidenceBone& bone = bones_[observation.bone[i]];
-      vectors.push_back({bone.a, bone.b, observation.bone_vector[i],
-                         (1 - white_share) * mean * bone.gain * bone.gain *
-                             observation.bone_confidence[i]});
+      vectors.push_back(
+          {bone.a, bone.b, observation.bone_vector[i],
+           (1 - white_share) * mean * bone.gain * bone.gain * observation.bone_confidence[i]});
     }
     BoneVectorWeights weights;
     weights.across = kError2dMm / error_3d_mm_;

@@ -40,7 +40,7 @@ Eigen::MatrixXd SubspaceCoefficients(const BatchProblem& problem, const Eigen::M
 
 // Projected Levenberg-Marquardt from `poses` (N x F, clamped into the bounds first), which it
 // improves. Cost per iteration O(F N^3 + (N K)^3) for few basis vectors, else O(F N^3) and O(F N (N +
-// K)) for each of the 20 to 100 rounds of conjugate gradients.
+// K)) for each round of conjugate gradients.
 SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& options,
                         Eigen::MatrixXd* poses);
 

@@ -30,7 +30,7 @@ class Network {
   Network& operator=(Network&&) noexcept;
 
   const std::string& name() const;  // of the file
-  int input_width() const;  // 0: an ONNX file, which does not say
+  int input_width() const;          // 0: an ONNX file, which does not say
   int input_height() const;
 
   // Outputs in the order of the file. Of a TFLite file a picture comes out as 1 x channels x height

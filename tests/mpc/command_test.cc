@@ -575,12 +575,16 @@ TEST_F(CommandTest, AFullDiskLeavesNoHalfWrittenFile) {
   ExpectOneSentence(RunWithFileLimit(8, CaptureArguments(clip_->inputs, output())), "take");
   EXPECT_THAT(FilesIn(output()), IsEmpty());
   // All but the overlay fit: what is there is whole, and no report vouches for the take.
-  ASSERT_EQ(RunCommand(CaptureArguments(clip_->inputs, folder_ / "whole")).exit_code, 0);
+  const auto arguments = [&](const fs::path& folder) {
+    std::vector<std::string> list = CaptureArguments(clip_->inputs, folder);
+    list.insert(list.end(), {"--refine", "pose"});  // surface.pc2 would be as large
+    return list;
+  };
+  ASSERT_EQ(RunCommand(arguments(folder_ / "whole")).exit_code, 0);
   const auto size = [&](const char* name) { return fs::file_size(folder_ / "whole" / name); };
   ASSERT_GT(size("overlay.mp4"), size("performance.glb") + 4096);
   const auto blocks = static_cast<int>(size("performance.glb") / 1024 + 2);
-  ExpectOneSentence(RunWithFileLimit(blocks, CaptureArguments(clip_->inputs, output())),
-                    "overlay.mp4");
+  ExpectOneSentence(RunWithFileLimit(blocks, arguments(output())), "overlay.mp4");
   EXPECT_THAT(FilesIn(output()),
               ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc",
                                               "poses.json", "masks.mp4"));
@@ -616,9 +620,9 @@ TEST_F(CommandTest, CtrlCKeepsWhatIsFinishedAndExitsWith130) {
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
-  EXPECT_THAT(FilesIn(output()),
-              ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc",
-                                              "poses.json", "masks.mp4", "report.json"));
+  EXPECT_THAT(FilesIn(output()), ::testing::UnorderedElementsAre(
+                                     "performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                                     "masks.mp4", "surface.pc2", "report.json"));
   EXPECT_EQ(nlohmann::json::parse(ReadFile(output() / "report.json"))["complete"], false);
 }
 

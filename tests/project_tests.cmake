@@ -1,6 +1,7 @@
 # Checks of the project as a whole, run by scripts/test.sh (MPC_PROJECT_TESTS=ON): the header sets,
 # the package as others use it, the format, the documentation, the sanitizers.
 set(prefix ${PROJECT_BINARY_DIR}/prefix)
+cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
 
 # mpc_add_project_test(NAME <command...>): alone on the machine, because it builds or measures.
 function(mpc_add_project_test name)
@@ -14,7 +15,8 @@ mpc_add_project_test(project.docs
 mpc_add_project_test(project.headers_compile_alone
   ${CMAKE_COMMAND} --build ${PROJECT_BINARY_DIR} --target all_verify_interface_header_sets)
 mpc_add_project_test(project.unit_tests_under_sanitizers
-  ${CMAKE_CTEST_COMMAND} --test-dir ${PROJECT_SOURCE_DIR}/build/asan -L unit --no-tests=error)
+  ${CMAKE_CTEST_COMMAND} --test-dir ${PROJECT_SOURCE_DIR}/build/asan -L unit --no-tests=error
+    --parallel ${cores})
 
 if(TARGET mpc::mpc)
   mpc_add_project_test(project.install

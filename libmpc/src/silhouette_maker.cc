@@ -4,18 +4,42 @@
 
 #include "mpc/eval/metrics.h"
 #include "mpc/render/raster.h"
+#include "mpc/skeleton/skinning.h"
 
 namespace mpc::internal {
 
 namespace {
+constexpr int kMaxPlateSamples = 24;
 constexpr int kMaxPictureSide = 16384;  // of the rasteriser
-}
+}  // namespace
 
 SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options)
     : clip_(clip),
       options_(options),
       topology_(SurfaceTopology::FromMesh(clip.character.mesh)),
-      limbs_(FindLimbs(clip.character)) {}
+      limbs_(FindLimbs(clip.character)) {
+  if (clip.masks.empty() && options.segmentation.weight_plate > 0) background_ = SeeBackground();
+}
+
+BackgroundPlate SilhouetteMaker::SeeBackground() const {
+  VideoReader video(clip_.video, clip_.image_fps);
+  const auto num_frames = static_cast<int>(clip_.poses.cols());
+  const int num_samples = std::min(num_frames, kMaxPlateSamples);
+  std::vector<PlateSample> samples;
+  cv::Mat picture;
+  for (int f = 0; static_cast<int>(samples.size()) < num_samples && video.Read(&picture); ++f) {
+    // Evenly over the clip.
+    if (f * num_samples / num_frames < static_cast<int>(samples.size())) continue;
+    KinematicState state;
+    ForwardKinematics(clip_.character.skeleton, clip_.poses.col(f), &state);
+    Eigen::Matrix3Xf vertices;
+    SkinCharacter(clip_.character, state, &vertices);
+    PlateSample& sample = samples.emplace_back();
+    sample.picture = picture.clone();
+    Model(vertices, &sample.model_mask);
+  }
+  return samples.empty() ? BackgroundPlate() : MakeBackgroundPlate(samples, options_.num_threads);
+}
 
 void SilhouetteMaker::Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const {
   ModelMask(clip_.camera, vertices, topology_, mask);
@@ -38,6 +62,7 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
       segmentation.clip_skeleton ? model : cv::Mat(model.size(), CV_8UC1, cv::Scalar(255));
   input.skeleton_mask =
       SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
+  input.background = background_;
   input.actor_size_px = CutOffActorSizePx(vertices);
   return ExtractSilhouette(input, segmentation);
 }

@@ -16,7 +16,7 @@ namespace mpc::internal {
 
 class SilhouetteMaker {
  public:
-  // Both must outlive it.
+  // Both must outlive it. Reads some pictures of the clip to see the background.
   SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options);
 
   // M of a posed mesh (3xV, camera frame).
@@ -28,12 +28,14 @@ class SilhouetteMaker {
                   const SegmentationOptions& segmentation) const;
 
  private:
+  BackgroundPlate SeeBackground() const;
   double CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const;
 
   const PosedClip& clip_;
   const SilhouetteOptions& options_;
   SurfaceTopology topology_;
   std::vector<Limb> limbs_;
+  BackgroundPlate background_;
 };
 
 SilhouetteRecord MakeRecord(const Silhouette& silhouette, const cv::Mat& model,

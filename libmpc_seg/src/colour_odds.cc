@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <limits>
+#include <numbers>
 #include <opencv2/imgproc.hpp>
 
 namespace mpc {
@@ -13,7 +14,27 @@ namespace {
 constexpr double kGlobalShare = 0.1;  // of a place's colours come from everywhere; ours
 constexpr double kRareShare = 0.003;  // of pixels, added to every bin of the changes; ours
 
+constexpr float kPlateShare = 0.9F;   // of the background's pixels look as the plate does; ours
+constexpr float kShadowShare = 0.1F;  // of those are in a shadow that the plate does not have
+constexpr float kDarkest = 0.4F;      // share of the light that a shadow leaves, at least
+constexpr float kPlateNoise = 5;      // of sensor and codec, colour steps
+
 }  // namespace
+
+float PlateDensity(const cv::Vec3b& bgr, const cv::Vec3b& plate, uint8_t spread) {
+  const Eigen::Vector3f colour(bgr[0], bgr[1], bgr[2]), known(plate[0], plate[1], plate[2]);
+  const float variance = kPlateNoise * kPlateNoise + static_cast<float>(spread) * spread;
+  const float in_plane = 2 * std::numbers::pi_v<float> * variance;
+  const float sigma = std::sqrt(variance);
+  const float lit =
+      std::exp(-(colour - known).squaredNorm() / (2 * variance)) / (in_plane * std::sqrt(in_plane));
+  // Uniform along the way from kDarkest of the colour to the colour, Gaussian across.
+  const float light =
+      std::clamp(colour.dot(known) / std::max(known.squaredNorm(), 1.F), kDarkest, 1.F);
+  const float shaded = std::exp(-(colour - light * known).squaredNorm() / (2 * variance)) /
+                       (in_plane * ((1 - kDarkest) * known.norm() + 2.5F * sigma));
+  return (1 - kShadowShare) * lit + kShadowShare * shaded;
+}
 
 PlacedColours CollectColours(const cv::Mat& bgr, const cv::Mat& mask, int max_colours) {
   const int step = 1 + cv::countNonZero(mask) / max_colours;
@@ -85,7 +106,8 @@ int32_t ColourOdds::Evaluate(const Eigen::Vector3f& bgr) {
   return static_cast<int32_t>(begin);
 }
 
-float ColourOdds::operator()(const cv::Vec3b& bgr, int x, int y) {
+float ColourOdds::operator()(const cv::Vec3b& bgr, int x, int y, float plate_density,
+                             float weight_plate) {
   int32_t begin = 0;
   if (exact_) {
     densities_.clear();
@@ -105,7 +127,10 @@ float ColourOdds::operator()(const cv::Vec3b& bgr, int x, int y) {
     return sum;
   };
   const float actor = mix(actor_);
-  return std::log(actor / mix(background_));
+  const float background = mix(background_);
+  const float odds = std::log(actor / background);
+  if (plate_density < 0) return odds;
+  return odds - weight_plate * std::log(1 - kPlateShare + kPlateShare * plate_density / background);
 }
 
 size_t StillnessOdds::Bin(uint16_t change) {

@@ -48,8 +48,11 @@ class ColourOdds {
   ColourOdds(const LocalColourModel& actor, const LocalColourModel& background,
              double outlier_share, bool exact);
 
-  // Of a colour at pixel (x, y).
-  float operator()(const cv::Vec3b& bgr, int x, int y);
+  // Of a colour at pixel (x, y). plate_density: of the colour where the background is known, < 0
+  // where it is not; then kPlateShare of the background's pixels look like that. What this adds to
+  // the log-odds counts `weight_plate` times.
+  float operator()(const cv::Vec3b& bgr, int x, int y, float plate_density = -1,
+                   float weight_plate = 0);
 
  private:
   // Appends the components' densities at a colour to densities_ and returns where they begin.
@@ -62,6 +65,10 @@ class ColourOdds {
   std::vector<int32_t> begin_;    // per rounded colour: of its densities, -1: not evaluated yet
   std::vector<float> densities_;  // of the actor's components, then of the background's
 };
+
+// Density of a colour of background whose colour is known up to `spread`: as it is, or in a shadow,
+// which takes a part of its light away and keeps its hue. Per cubic colour step.
+float PlateDensity(const cv::Vec3b& bgr, const cv::Vec3b& plate, uint8_t spread);
 
 // Pixels of `bgr` (CV_8UC3) where `mask` (CV_8U) is not 0, evenly thinned out to `max_colours`.
 PlacedColours CollectColours(const cv::Mat& bgr, const cv::Mat& mask, int max_colours);

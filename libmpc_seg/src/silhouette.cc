@@ -102,6 +102,16 @@ void CheckFrame(const FrameInput& frame) {
                               frame.previous.cols, frame.previous.rows, size.width, size.height));
     }
   }
+  const BackgroundPlate& plate = frame.background;
+  if (!plate.empty() && (plate.picture.size() != size || plate.picture.type() != CV_8UC3 ||
+                         plate.spread.size() != size || plate.spread.type() != CV_8UC1)) {
+    throw Error(
+        ErrorCode::kMismatch,
+        fmt::format("segmentation: background plate is {}x{} {}, expected {}x{} CV_8UC3 with "
+                    "a spread of CV_8UC1",
+                    plate.picture.cols, plate.picture.rows, cv::typeToString(plate.picture.type()),
+                    size.width, size.height));
+  }
   const cv::Mat& person = frame.person_probability;
   if (!person.empty() &&
       (person.size() != size || (person.type() != CV_32FC1 && person.type() != CV_8UC1))) {
@@ -184,6 +194,13 @@ class Extraction {
   void ShrinkPictures() {
     pictures_.push_back(ToBgr8(Crop(frame_.picture, crop_)));
     for (int i = 0; i < num_halvings_; ++i) pictures_.push_back(Halved(pictures_.back()));
+    if (!frame_.background.empty() && options_.weight_plate > 0) {
+      plates_.push_back(
+          {Crop(frame_.background.picture, crop_), Crop(frame_.background.spread, crop_)});
+      for (int i = 0; i < num_halvings_; ++i) {
+        plates_.push_back({Halved(plates_.back().picture), Halved(plates_.back().spread)});
+      }
+    }
     model_ = SmallMask(Crop(frame_.model_mask, crop_), small().size());
   }
 
@@ -344,9 +361,23 @@ class Extraction {
       for (int x = 0; x < problem->bgr.cols; ++x) {
         if (!IsUnknown(trimap[x])) continue;
         const int i = (x + at.x) >> shift;
-        odds[x] = shape[i] + evidence[i] + (*colour_odds_)(bgr[x], i, (y + at.y) >> shift);
+        odds[x] = shape[i] + evidence[i] + ColoursOdds(bgr[x], shift, {x + at.x, y + at.y});
       }
     }
+  }
+
+  // Log-odds of a colour at a pixel of the picture 2^shift times the small one.
+  float ColoursOdds(const cv::Vec3b& bgr, int shift, const cv::Point& at) {
+    float density = -1;
+    if (!plates_.empty()) {
+      const BackgroundPlate& plate = plates_[static_cast<size_t>(num_halvings_ - shift)];
+      const uint8_t spread = plate.spread.ptr(at.y)[at.x];
+      if (spread != BackgroundPlate::kUnknown) {
+        density = PlateDensity(bgr, plate.picture.ptr<cv::Vec3b>(at.y)[at.x], spread);
+      }
+    }
+    return (*colour_odds_)(bgr, at.x >> shift, at.y >> shift, density,
+                           static_cast<float>(options_.weight_plate));
   }
 
   // How much of the unknown band something else than its place decides, and as the cut did.
@@ -356,7 +387,7 @@ class Extraction {
     for (int y = 0; y < trimap_.rows; ++y) {
       for (int x = 0; x < trimap_.cols; ++x) {
         if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + (*colour_odds_)(small().ptr<cv::Vec3b>(y)[x], x, y);
+        const float odds = evidence_(y, x) + ColoursOdds(small().ptr<cv::Vec3b>(y)[x], 0, {x, y});
         agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
         ++num_unknown;
       }
@@ -402,8 +433,9 @@ class Extraction {
 
   double actor_size_ = 0;  // at full size
   int num_halvings_ = 0;
-  cv::Rect crop_;                  // may reach over the picture's right and lower border
-  std::vector<cv::Mat> pictures_;  // the crop, each half the size of the one before
+  cv::Rect crop_;                        // may reach over the picture's right and lower border
+  std::vector<cv::Mat> pictures_;        // the crop, each half the size of the one before
+  std::vector<BackgroundPlate> plates_;  // of pictures_; empty: the background is not known
 
   // At the small size.
   cv::Mat model_;

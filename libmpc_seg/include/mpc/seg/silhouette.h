@@ -14,6 +14,7 @@
 #include <opencv2/core.hpp>
 #include <optional>
 
+#include "mpc/seg/background_plate.h"
 #include "mpc/seg/trimap.h"
 
 namespace mpc {
@@ -29,6 +30,7 @@ struct SegmentationOptions {
   double gamma_motion = 20;   // motion cue, 0 turns it off; ours, at most gamma / 2
   double weight_still = 2;    // pixels as still as the background are background, 0: off; ours
   double weight_shape = 8;    // trust in M: log-odds at the border of the band, 0: none; ours
+  double weight_plate = 2;    // on the log-odds of FrameInput::background, 0: off; ours
   double weight_person = 1;   // on the log-odds of FrameInput::person_probability; ours
   int num_components = 8;     // Gaussians per colour model, 1 to 16; ours, GrabCut: 5
   double colour_reach = 0.3;  // colours count most near their place, actor sizes, 0: alike; ours
@@ -58,6 +60,7 @@ struct FrameInput {
   cv::Mat model_mask;          // M, CV_8U, nonzero inside
   cv::Mat skeleton_mask;       // R, CV_8U; empty: none
   cv::Mat person_probability;  // CV_8U (0..255) or CV_32F (0..1), such as a network's; empty: none
+  BackgroundPlate background;  // what is behind the actor, of the picture's size; empty: unknown
   // The background's motion where it is known, else estimated when the options say so.
   std::optional<cv::Matx33d> previous_from_current;
   // ActorSizePx of the whole actor, when M shows only a part of it; 0: that of M.

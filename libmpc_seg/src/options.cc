@@ -13,6 +13,7 @@ SegmentationOptions SegmentationOptions::Paper() {
   options.gamma_motion = 25;
   options.weight_shape = 0;
   options.weight_still = 0;
+  options.weight_measured = 0;
   options.weight_plate = 0;
   options.num_components = 5;
   options.colour_reach = 0;
@@ -45,6 +46,7 @@ void SegmentationOptions::Validate() const {
   check("gamma_motion", gamma_motion, 0, gamma / 2);
   check("weight_shape", weight_shape, 0, 1e3);
   check("weight_still", weight_still, 0, 1e3);
+  check("weight_measured", weight_measured, 0, 1e3);
   check("weight_plate", weight_plate, 0, 1e3);
   check("weight_person", weight_person, 0, 1e3);
   check("colour_reach", colour_reach, 0, 10);

@@ -12,6 +12,7 @@
 #include "mpc/seg/background_motion.h"
 #include "mpc/seg/grid_cut.h"
 #include "picture.h"
+#include "shape_odds.h"
 
 namespace mpc {
 namespace {
@@ -22,6 +23,8 @@ constexpr double kRing = 0.15;          // width of the background outside the b
 constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours are learnt
 constexpr int kRefinePx = 2;            // around the outline, after each doubling of the size
 constexpr int kMaxColours = 4000;       // per colour model
+constexpr double kErrorReach = 0.15;    // M's error is measured over so many actor sizes
+constexpr float kSureOdds = 2;
 constexpr size_t kMinColours = 8;
 constexpr double kOutlierShare = 0.02;
 constexpr double kMinProbability = 0.02;  // a person mask is never surer than this
@@ -39,23 +42,6 @@ cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
   cv::Mat small;
   cv::resize(full, small, size, 0, 0, cv::INTER_AREA);
   return small > 127;
-}
-
-// Distance to the mask's outline, px: positive inside, negative outside.
-cv::Mat1f SignedDistance(const cv::Mat& mask) {
-  cv::Mat1f inside, outside;
-  cv::distanceTransform(mask, inside, cv::DIST_L2, cv::DIST_MASK_5);
-  cv::distanceTransform(~mask, outside, cv::DIST_L2, cv::DIST_MASK_5);
-  const auto far = static_cast<float>(mask.cols + mask.rows);  // where there is no other side
-  for (int y = 0; y < mask.rows; ++y) {
-    const uint8_t* is_inside = mask.ptr(y);
-    float* in = inside[y];
-    const float* out = outside[y];
-    for (int x = 0; x < mask.cols; ++x) {
-      in[x] = is_inside[x] ? std::min(in[x], far) - 0.5F : 0.5F - std::min(out[x], far);
-    }
-  }
-  return inside;
 }
 
 // Removes pieces of the actor without a certain pixel that are small, and fills small holes.
@@ -207,9 +193,9 @@ class Extraction {
   // Trimap (Eq. 9), regions to learn from, and the log-odds that the shape of M gives.
   void MakeBand() {
     const cv::Size size = small().size();
-    const cv::Mat1f distance = SignedDistance(model_);
+    distance_ = SignedDistance(model_);
     double deepest = 0;
-    cv::minMaxLoc(distance, nullptr, &deepest);
+    cv::minMaxLoc(distance_, nullptr, &deepest);
     const double small_size = std::ldexp(actor_size_, -num_halvings_);
     const auto dilate = static_cast<float>(options_.dilate * small_size);
     // Something of a thin actor stays, or there would be no certain foreground.
@@ -223,7 +209,7 @@ class Extraction {
     shape_.create(size);
     const auto weight = static_cast<float>(options_.weight_shape);
     for (int y = 0; y < size.height; ++y) {
-      const float* d = distance[y];
+      const float* d = distance_[y];
       const uint8_t* is_skeleton = skeleton.ptr(y);
       uint8_t* trimap = trimap_.ptr(y);
       float* shape = shape_[y];
@@ -239,7 +225,7 @@ class Extraction {
       }
     }
     if (options_.band_colours) {
-      actor_region_ = (distance > kColourErosion * erode) | (trimap_ == kTrimapForeground);
+      actor_region_ = (distance_ > kColourErosion * erode) | (trimap_ == kTrimapForeground);
       background_region_ = trimap_ == kTrimapBackground;
     } else {
       actor_region_ = model_ | (trimap_ == kTrimapForeground);
@@ -345,9 +331,29 @@ class Extraction {
       SetLogOdds(0, {}, &problem);
       labels_ = SolveGridCut(problem).labels;
     }
+    if (options_.weight_measured > 0) {
+      const double reach = std::ldexp(kErrorReach * actor_size_, -num_halvings_);
+      shape_ += options_.weight_measured *
+                MeasuredShapeOdds(distance_, labels_, PicturesCertainty(), reach);
+      SetLogOdds(0, {}, &problem);
+      labels_ = SolveGridCut(problem).labels;
+    }
     if (options_.clean) RemoveSpecks(trimap_, cv::countNonZero(model_), &labels_);
     MeasureConfidence();
     return true;
+  }
+
+  // 255 where something else than its place tells a pixel's label.
+  cv::Mat PicturesCertainty() {
+    cv::Mat sure(labels_.size(), CV_8U, cv::Scalar(0));
+    for (int y = 0; y < sure.rows; ++y) {
+      for (int x = 0; x < sure.cols; ++x) {
+        if (!IsUnknown(trimap_.ptr(y)[x])) continue;
+        const float odds = evidence_(y, x) + ColoursOdds(small().ptr<cv::Vec3b>(y)[x], 0, {x, y});
+        if ((labels_.ptr(y)[x] ? odds : -odds) > kSureOdds) sure.ptr(y)[x] = 255;
+      }
+    }
+    return sure;
   }
 
   // All log-odds of the unknown pixels of a picture 2^shift times the small one, offset by `at`.
@@ -439,6 +445,7 @@ class Extraction {
 
   // At the small size.
   cv::Mat model_;
+  cv::Mat1f distance_;  // to the outline of M
   cv::Mat trimap_;
   cv::Mat actor_region_;
   cv::Mat background_region_;

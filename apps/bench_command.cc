@@ -9,6 +9,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <vector>
@@ -31,6 +32,7 @@ using Json = nlohmann::ordered_json;
 struct Arguments {
   fs::path output;
   std::string suite = "full";
+  std::string noise;  // of all synthetic clips; empty: as the suite says
   fs::path data;
   fs::path expected;
   bool fresh = false;
@@ -47,9 +49,7 @@ struct Item {
   // What a finished result must have been made from, to be used again.
   Json Description() const {
     Json stages = Json::array();
-    for (const Stage& stage : Stages()) {
-      if (stage.run != nullptr) stages.push_back(stage.key);
-    }
+    for (const Stage& stage : Stages()) stages.push_back(stage.key);
     return {{"clip", spec ? SpecJson(*spec) : Json(name)}, {"stages", std::move(stages)}};
   }
 };
@@ -90,7 +90,12 @@ bool MakeClip(const SyntheticSpec& spec, const fs::path& folder) {
     throw mpc::Error(mpc::ErrorCode::kInvalidArgument,
                      fmt::format("clip {}: {}", spec.name, e.what()));
   }
-  if (synth.run() != kExitOk) return false;
+  try {
+    if (synth.run() != kExitOk) return false;
+  } catch (const mpc::Error& error) {
+    if (error.code() == mpc::ErrorCode::kCancelled) return false;
+    throw;
+  }
   mpc::WriteFileAtomically(note, SpecJson(spec).dump(1) + "\n");
   return true;
 }
@@ -119,14 +124,15 @@ Row Fingerprint(const BenchClip& clip) {
 class Bench {
  public:
   explicit Bench(const Arguments& arguments) : arguments_(arguments), progress_(arguments.quiet) {
-    for (const SyntheticSpec& spec : ReadSuite(arguments.suite))
+    for (SyntheticSpec& spec : ReadSuite(arguments.suite)) {
+      if (!arguments.noise.empty()) spec.noise = arguments.noise;
       items_.push_back({spec.name, spec, {}});
+    }
     if (!arguments.no_real) {
       for (const std::string& name : RealClips(arguments.data)) {
         items_.push_back({name, std::nullopt, arguments.data});
       }
     }
-    for (const Stage& stage : Stages()) num_stages_ += stage.run != nullptr ? 1 : 0;
   }
 
   // False when the user interrupted; finished clips are kept.
@@ -152,10 +158,7 @@ class Bench {
     std::error_code ec;
     if (arguments_.fresh) fs::remove_all(folder, ec);
     if (const std::optional<Json> json = TryReadJson(file)) {
-      if (json->value("from", Json()) == item.Description()) {
-        results_.push_back(ParseResult(*json));
-        return true;
-      }
+      if (json->value("from", Json()) == item.Description() && TryAddResult(*json)) return true;
     }
     fs::create_directories(folder, ec);
     if (!Step("clips")) return false;
@@ -176,12 +179,21 @@ class Bench {
     return true;
   }
 
+  bool TryAddResult(const Json& json) {
+    try {
+      results_.push_back(ParseResult(json));
+      return true;
+    } catch (const nlohmann::json::exception&) {
+      return false;
+    }
+  }
+
   bool RunStages(const BenchClip& clip, ClipResult* result) {
     StageOutputs outputs;
     for (const Stage& stage : Stages()) {
-      if (stage.run == nullptr) continue;
       if (!Step("clips")) return false;
       const StageOutput& output = outputs[stage.key] = stage.run(clip, outputs);
+      if (Interrupted()) return false;
       const Performance performance{.name = clip.name,
                                     .camera = clip.camera,
                                     .character = output.character,
@@ -199,7 +211,7 @@ class Bench {
   ConsoleProgress progress_;
   std::vector<Item> items_;
   std::vector<ClipResult> results_;
-  int num_stages_ = 0;
+  const int num_stages_ = static_cast<int>(Stages().size());
   int done_ = 0;  // steps, for the progress
 };
 
@@ -261,6 +273,9 @@ Command AddBenchCommand(CLI::App* parent) {
   app->add_option("-o,--output", arguments->output, "Folder for clips and results")->required();
   app->add_option("--suite", arguments->suite, "full, small, or a file of clips")
       ->capture_default_str();
+  app->add_option("--noise", arguments->noise,
+                  "Errors of the detections of all synthetic clips; default: as the suite says")
+      ->check(CLI::IsMember({"exact", "white", "measured"}));
   app->add_option("--data", arguments->data, "Folder of the real clips; default: MPC_DATA");
   app->add_flag("--no-real", arguments->no_real, "Synthetic clips only");
   app->add_flag("--fresh", arguments->fresh, "Do not use what an earlier run left in the folder");

@@ -16,6 +16,9 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+// What a step of the method may lose on a clip.
+constexpr double kWorseVertexMm = 1;
+constexpr double kWorseIou = 0.005;
 constexpr double kFingerprintTolerance = 1e-3;  // relative; machines differ by less
 
 constexpr std::array<Column, 7> kColumns = {{
@@ -79,12 +82,7 @@ Row MeanRow(const std::vector<const ClipResult*>& clips, const std::string& stag
   return mean;
 }
 
-const Stage& LastStage() {
-  const std::span<const Stage> stages = Stages();
-  size_t last = stages.size() - 1;
-  while (last > 0 && stages[last].run == nullptr) --last;
-  return stages[last];
-}
+const Stage& LastStage() { return Stages().back(); }
 
 std::string Ablation(const std::string& title, const std::vector<const ClipResult*>& clips) {
   if (clips.empty()) return "";
@@ -151,6 +149,11 @@ std::string ResultTables(const std::vector<ClipResult>& results) {
         fmt::format("{} ({} frames, {:.4g} fps)", result.name, result.num_frames, result.fps),
         it->second);
   }
+  text += fmt::format("\nSteps at which a clip gets worse by more than {} mm or {} of IoU:\n\n",
+                      kWorseVertexMm, kWorseIou);
+  const std::vector<std::string> worse = WorseSteps(results);
+  for (const std::string& step : worse) text += "- " + step + "\n";
+  if (worse.empty()) text += "none\n";
   return text +
          "\nMPJPE and PA-MPJPE: 14 joints, all frames with truth, aligned by root translation and "
          "by "
@@ -175,9 +178,30 @@ ClipResult ParseResult(const nlohmann::json& json) {
   result.is_real = json.at("real").get<bool>();
   result.num_frames = json.at("frames").get<int>();
   result.fps = json.at("fps").get<double>();
-  for (const auto& [key, row] : json.at("stages").items()) result.stages[key] = ParseRow(row);
+  for (const auto& [key, row] : json.at("stages").get<std::map<std::string, nlohmann::json>>()) {
+    result.stages[key] = ParseRow(row);
+  }
   result.fingerprint = ParseRow(json.at("fingerprint"));
   return result;
+}
+
+std::vector<std::string> WorseSteps(const std::vector<ClipResult>& results) {
+  std::vector<std::string> worse;
+  for (const ClipResult& result : results) {
+    for (const Stage& stage : Stages()) {
+      const auto after = result.stages.find(stage.key), before = result.stages.find(stage.improves);
+      if (after == result.stages.end() || before == result.stages.end()) continue;
+      const auto change = [&](const char* key) {  // NaN where there is no truth
+        return Value(after->second, key) - Value(before->second, key);
+      };
+      const double vertex_mm = change("vertex_error"), iou = change("iou");
+      if (vertex_mm > kWorseVertexMm || iou < -kWorseIou) {
+        worse.push_back(fmt::format("{}, {}: vertex error {:+.1f} mm, IoU {:+.3f}", result.name,
+                                    stage.name, vertex_mm, iou));
+      }
+    }
+  }
+  return worse;
 }
 
 std::vector<std::string> Regressions(const std::vector<ClipResult>& results,

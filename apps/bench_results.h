@@ -44,6 +44,10 @@ Row MakeRow(const Evaluation& evaluation, double seconds_per_frame);
 // stage that exists; in Markdown, which reads well on a console too.
 std::string ResultTables(const std::vector<ClipResult>& results);
 
+// One sentence per clip and stage that has more vertex error (by over 1 mm) or less IoU (by over 0.005)
+// than the stage it starts from.
+std::vector<std::string> WorseSteps(const std::vector<ClipResult>& results);
+
 nlohmann::ordered_json ResultJson(const ClipResult& result);
 // Throws nlohmann::json::exception for another layout.
 ClipResult ParseResult(const nlohmann::json& json);

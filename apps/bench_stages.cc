@@ -5,6 +5,7 @@
 #include <memory>
 #include <vector>
 
+#include "console.h"
 #include "mpc/pose/calibration.h"
 #include "mpc/pose/detection_rig.h"
 #include "mpc/pose/frame_initializer.h"
@@ -82,37 +83,43 @@ StageOutput Refine(const BenchClip& clip, const StageOutput& before, mpc::Refine
                                 .character = before.character,
                                 .poses = before.poses};
   const auto surface = std::make_shared<std::vector<Eigen::Matrix3Xf>>();
+  const mpc::ClipRefinement refinement = mpc::RefineClip(
+      posed, options, [&](const mpc::RefinedFrame& frame) { surface->push_back(frame.vertices); },
+      [](const mpc::Progress&) { return !Interrupted(); });
   StageOutput output;
-  output.poses = mpc::RefineClip(posed, options, [&](const mpc::RefinedFrame& frame) {
-                   surface->push_back(frame.vertices);
-                 }).poses;
-  output.seconds = before.seconds + watch.Seconds();
+  output.poses = refinement.poses;
   output.character = before.character;
-  if (level != mpc::RefinementLevel::kPose) {
-    output.vertices = [surface](int frame, Eigen::Matrix3Xf* vertices) {
-      *vertices = (*surface)[static_cast<size_t>(frame)];
-    };
-  }
+  output.surface = surface;
+  output.surface_seconds = refinement.surface_s;
+  output.seconds = before.seconds + watch.Seconds() - refinement.surface_s;
+  return output;
+}
+
+StageOutput WithSurface(StageOutput output) {
+  output.vertices = [surface = output.surface](int frame, Eigen::Matrix3Xf* vertices) {
+    *vertices = (*surface)[static_cast<size_t>(frame)];
+  };
+  output.seconds += output.surface_seconds;
   return output;
 }
 
 StageOutput RunNetworkSurface(const BenchClip& clip, const StageOutputs& before) {
-  return Refine(clip, before.at("network"), mpc::RefinementLevel::kSurfaceOnly);
+  return WithSurface(Refine(clip, before.at("network"), mpc::RefinementLevel::kSurfaceOnly));
 }
 StageOutput RunRefinedPose(const BenchClip& clip, const StageOutputs& before) {
-  return Refine(clip, before.at("pose"), mpc::RefinementLevel::kPose);
-}
-StageOutput RunRefinedSurface(const BenchClip& clip, const StageOutputs& before) {
   return Refine(clip, before.at("pose"), mpc::RefinementLevel::kSurface);
+}
+StageOutput RunRefinedSurface(const BenchClip&, const StageOutputs& before) {
+  return WithSurface(before.at("refined_pose"));
 }
 
 constexpr std::array<Stage, 6> kStages = {{
-    {"network", "network's 3D, rigged", RunNetworkRig},
-    {"network_surface", "surface refinement on the network's 3D", RunNetworkSurface},
-    {"init", "E2d + E3d per frame", RunInitialization},
-    {"pose", "E_pose", RunPose},
-    {"refined_pose", "refined pose", RunRefinedPose},
-    {"refined_surface", "refined surface", RunRefinedSurface},
+    {"network", "network's 3D, rigged", "", RunNetworkRig},
+    {"network_surface", "surface refinement on the network's 3D", "", RunNetworkSurface},
+    {"init", "E2d + E3d per frame", "", RunInitialization},
+    {"pose", "E_pose", "init", RunPose},
+    {"refined_pose", "refined pose", "pose", RunRefinedPose},
+    {"refined_surface", "refined surface", "refined_pose", RunRefinedSurface},
 }};
 
 }  // namespace

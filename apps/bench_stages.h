@@ -6,8 +6,10 @@
 #include <Eigen/Core>
 #include <functional>
 #include <map>
+#include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "bench_suite.h"
 #include "mpc/skeleton/character.h"
@@ -20,6 +22,9 @@ struct StageOutput {
   // Vertices of a frame, of a stage that deforms the surface; empty: the skinned character.
   std::function<void(int, Eigen::Matrix3Xf*)> vertices;
   double seconds = 0;  // of processor time, all threads together, from the detections on
+  // The surface of a stage that went on to it; it is another stage's result.
+  std::shared_ptr<const std::vector<Eigen::Matrix3Xf>> surface;  // F times 3xV
+  double surface_seconds = 0;                                    // more than `seconds`
 };
 
 using StageOutputs = std::map<std::string, StageOutput>;  // by key, of the stages before
@@ -27,7 +32,8 @@ using StageOutputs = std::map<std::string, StageOutput>;  // by key, of the stag
 struct Stage {
   const char* key;
   const char* name;
-  // nullptr: does not exist yet; its row stays empty.
+  const char* improves;  // the stage whose result it starts from and should not make worse, or ""
+  // Incomplete when the user interrupted.
   StageOutput (*run)(const BenchClip& clip, const StageOutputs& before);
 };
 

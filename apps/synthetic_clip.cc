@@ -129,18 +129,18 @@ void WriteTruthFiles(const fs::path& folder, const mpc::SyntheticPerformance& pe
 }
 
 bool WritePictures(const SyntheticClipRequest& request,
-                   const mpc::SyntheticPerformance& performance, const mpc::SyntheticScene& scene) {
+                   const mpc::SyntheticPerformance& performance, const mpc::SyntheticScene& scene,
+                   const mpc::ProgressCallback& progress) {
   const mpc::SyntheticCameraOptions& camera = performance.options.camera;
   mpc::VideoWriter video(request.output / "clip.mp4", camera.width, camera.height, request.fps);
   mpc::MaskFolderWriter masks(request.output / "masks");
-  ConsoleProgress progress(request.quiet);
   const bool all = mpc::RenderPerformance(
       performance, scene, request.num_threads,
       [&](const mpc::RenderedFrame& frame) {
         video.Write(frame.bgr);
         masks.Write(frame.mask);
       },
-      [&](const mpc::Progress& step) { return progress(step); });
+      progress);
   if (!all) return false;
   video.Close();
   masks.Close();
@@ -225,13 +225,16 @@ bool WriteSyntheticClip(const SyntheticClipRequest& request, std::string* summar
   mpc::Acting acting =
       mpc::ActWithSkinning(actor.character, MakePoses(request, source, actor.character.skeleton),
                            request.fps, request.num_threads);
-  acting.vertices = mpc::Perform(actor.dressed, actor.character, acting.poses, request.fps);
+  ConsoleProgress console(request.quiet);
+  const auto progress = [&console](const mpc::Progress& step) { return console(step); };
+  acting.vertices =
+      mpc::Perform(actor.dressed, actor.character, acting.poses, request.fps, progress);
   const mpc::SyntheticPerformance performance =
       mpc::MakePerformance(actor.character, std::move(acting), request.options);
   const std::unique_ptr<mpc::SyntheticScene> scene =
       mpc::MakeScene(performance, actor.dressed.rig, actor.character);
   WriteTruthFiles(request.output, performance);
-  if (!WritePictures(request, performance, *scene)) return false;
+  if (!WritePictures(request, performance, *scene, progress)) return false;
   WriteTruthJson(request, performance);
   *summary = fmt::format("{}: {} frames of \"{}\" in a {}, truth.json names the files\n",
                          request.output.string(), performance.num_frames(), request.motion,

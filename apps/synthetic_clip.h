@@ -26,8 +26,8 @@ struct SyntheticClipRequest {
 // Whether a motion is the path of a BVH file rather than a name.
 bool IsBvhPath(const std::string& motion);
 
-// Makes and writes everything, truth.json last. Returns false when the user interrupted.
-// Throws mpc::Error. `summary` gets a line of text about the clip.
+// Makes and writes everything, truth.json last. Returns false when the user interrupted the pictures;
+// throws mpc::Error: kCancelled when before them. `summary` gets a line of text about the clip.
 bool WriteSyntheticClip(const SyntheticClipRequest& request, std::string* summary);
 
 }  // namespace monoperfcap

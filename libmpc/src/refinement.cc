@@ -1,5 +1,6 @@
 #include "mpc/refinement.h"
 
+#include <ctime>
 #include <deque>
 #include <utility>
 
@@ -34,7 +35,14 @@ struct Result {
   RefinementRecord record;
   cv::Mat silhouette;
   cv::Mat truth;
+  double surface_s = 0;
 };
+
+double ThreadSeconds() {
+  timespec time;
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
+}
 
 class Stage {
  public:
@@ -46,6 +54,7 @@ class Stage {
 
   Result Process(const internal::ClipFrame& frame, CorrespondenceScratch* scratch) const {
     Result result;
+    double last_outline_s = 0;
     const auto outline = [&](const PosedActor& actor) {
       cv::Mat model;
       maker_.Model(actor.vertices, &model);
@@ -58,10 +67,14 @@ class Stage {
         result.record.batch_true_iou = result.record.silhouette.model_true_iou;
       }
       result.silhouette = silhouette.mask;
-      return IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
+      const Contour2d contour =
+          IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
+      last_outline_s = ThreadSeconds();
+      return contour;
     };
     result.refinement =
         refiner_.Refine(clip_.camera, clip_.poses.col(frame.index), outline, scratch);
+    result.surface_s = ThreadSeconds() - last_outline_s;
     result.record.pose_state = result.refinement.pose_state;
     result.record.surface_state = result.refinement.surface_state;
     result.record.pose_support = result.refinement.pose_support;
@@ -125,6 +138,7 @@ ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& op
         results[slot] = stage.Process(frame, &scratch[slot]);
       },
       [&](const internal::ClipFrame& frame, size_t slot) {
+        refinement.surface_s += results[slot].surface_s;
         smoother.Push(clip.poses.col(frame.index), std::move(results[slot].refinement));
         waiting.push_back(std::move(results[slot]));
         deliver();

@@ -38,11 +38,14 @@ double BoundaryF(const cv::Mat& a, const cv::Mat& b, double tolerance_px) {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("the tolerance of an outline is {} px, not > 0", tolerance_px));
   }
-  const cv::Mat outline_a = Outline(a);
-  const cv::Mat outline_b = Outline(b);
-  const bool a_is_empty = cv::countNonZero(outline_a) == 0;
-  const bool b_is_empty = cv::countNonZero(outline_b) == 0;
+  cv::Mat outline_a = Outline(a);
+  cv::Mat outline_b = Outline(b);
+  const cv::Rect box_a = cv::boundingRect(outline_a), box_b = cv::boundingRect(outline_b);
+  const bool a_is_empty = box_a.empty(), b_is_empty = box_b.empty();
   if (a_is_empty || b_is_empty) return a_is_empty && b_is_empty ? 1 : 0;
+  const cv::Rect both = box_a | box_b;  // distances between what lies in it need nothing else
+  outline_a = outline_a(both).clone();
+  outline_b = outline_b(both).clone();
   const double precision = ShareNear(outline_a, outline_b, tolerance_px);
   const double recall = ShareNear(outline_b, outline_a, tolerance_px);
   return precision + recall > 0 ? 2 * precision * recall / (precision + recall) : 0;

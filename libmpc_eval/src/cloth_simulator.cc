@@ -1,7 +1,10 @@
 #include "cloth_simulator.h"
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 namespace mpc {
 namespace {
@@ -26,6 +29,8 @@ constexpr double kMaxSpeed = 25;
 ClothSimulator::ClothSimulator(const ClothModel& model, const Eigen::Matrix3Xd& positions,
                                const CapsuleSet& colliders)
     : model_(model),
+      stretch_(Constraints(model.stretch)),
+      bend_(Constraints(model.bend)),
       positions_(positions),
       previous_(positions),
       velocities_(Eigen::Matrix3Xd::Zero(3, positions.cols())),
@@ -35,9 +40,9 @@ ClothSimulator::ClothSimulator(const ClothModel& model, const Eigen::Matrix3Xd& 
 void ClothSimulator::Step(double step_s, const Eigen::Matrix3Xd& targets,
                           const CapsuleSet& colliders, double damping_per_s) {
   Predict(step_s, targets, damping_per_s);
-  Satisfy(model_.bend, kBendCompliance, step_s);
+  Satisfy(bend_, kBendCompliance, step_s);
   for (int i = 0; i < kStretchIterations; ++i) {
-    Satisfy(model_.stretch, kStretchCompliance, step_s);
+    Satisfy(stretch_, kStretchCompliance, step_s);
   }
   for (const ClothModel::Link& tether : model_.tethers) {
     const Vector3d reach = positions_.col(tether.b) - positions_.col(tether.a);
@@ -82,20 +87,47 @@ void ClothSimulator::Predict(double step_s, const Eigen::Matrix3Xd& targets, dou
   }
 }
 
-void ClothSimulator::Satisfy(const std::vector<ClothModel::Link>& links, double compliance,
+// In their order, from the waist down, which carries weight best. But within a stretch of about one ring
+// they stand in groups without a particle in common, so that the processor need not wait for one link
+// before it begins the next.
+std::vector<ClothSimulator::Constraint> ClothSimulator::Constraints(
+    const std::vector<ClothModel::Link>& links) const {
+  constexpr size_t kTogether = 200;
+  std::vector<Constraint> constraints;
+  std::vector<uint32_t> taken(model_.freedom_m.size());  // groups of each particle, as bits
+  for (size_t begin = 0; begin < links.size(); begin += kTogether) {
+    const size_t end = std::min(begin + kTogether, links.size());
+    std::array<std::vector<Constraint>, 33> groups;
+    for (size_t i = begin; i < end; ++i) taken[links[i].a] = taken[links[i].b] = 0;
+    for (size_t i = begin; i < end; ++i) {
+      const auto& [a, b, rest_m] = links[i];
+      const double mass_a = model_.freedom_m[a] > 0 ? 1 : 0;  // inverse masses
+      const double mass_b = model_.freedom_m[b] > 0 ? 1 : 0;
+      if (mass_a + mass_b == 0) continue;
+      const int group = std::countr_one(taken[a] | taken[b]);
+      const uint32_t bit = group < 32 ? uint32_t{1} << group : 0;
+      taken[a] |= bit;
+      taken[b] |= bit;
+      groups[group].push_back({a, b, mass_a, mass_b, rest_m});
+    }
+    for (const auto& group : groups) {
+      constraints.insert(constraints.end(), group.begin(), group.end());
+    }
+  }
+  return constraints;
+}
+
+void ClothSimulator::Satisfy(const std::vector<Constraint>& constraints, double compliance,
                              double step_s) {
   const double alpha = compliance / (step_s * step_s);
-  for (const ClothModel::Link& link : links) {
-    const double mass_a = model_.freedom_m[link.a] > 0 ? 1 : 0;  // inverse masses
-    const double mass_b = model_.freedom_m[link.b] > 0 ? 1 : 0;
-    if (mass_a + mass_b == 0) continue;
-    const Vector3d d = positions_.col(link.b) - positions_.col(link.a);
+  for (const Constraint& c : constraints) {
+    const Vector3d d = positions_.col(c.b) - positions_.col(c.a);
     const double length = d.norm();
     if (length < 1e-9) continue;
-    const double lambda = (length - link.rest_m) / (mass_a + mass_b + alpha);  // Eq. 18
+    const double lambda = (length - c.rest_m) / (c.mass_a + c.mass_b + alpha);  // Eq. 18
     const Vector3d move = lambda / length * d;
-    positions_.col(link.a) += mass_a * move;
-    positions_.col(link.b) -= mass_b * move;
+    positions_.col(c.a) += c.mass_a * move;
+    positions_.col(c.b) -= c.mass_b * move;
   }
 }
 

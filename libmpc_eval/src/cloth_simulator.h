@@ -31,11 +31,19 @@ class ClothSimulator {
 
  private:
   void Predict(double step_s, const Eigen::Matrix3Xd& targets, double damping_per_s);
-  void Satisfy(const std::vector<ClothModel::Link>& links, double compliance, double step_s);
+  // A link that can move something, with the inverse masses of its ends.
+  struct Constraint {
+    int a, b;
+    double mass_a, mass_b;
+    double rest_m;
+  };
+  std::vector<Constraint> Constraints(const std::vector<ClothModel::Link>& links) const;
+  void Satisfy(const std::vector<Constraint>& constraints, double compliance, double step_s);
   void LimitReach(const Eigen::Matrix3Xd& targets);
   void Collide(const CapsuleSet& colliders);
 
   const ClothModel& model_;
+  std::vector<Constraint> stretch_, bend_;
   Eigen::Matrix3Xd positions_, previous_, velocities_, targets_before_;
   CapsuleSet colliders_before_;
 };

@@ -130,7 +130,8 @@ ClothSimulator Dressed(const ClothModel& cloth, const Character& character,
 }  // namespace
 
 std::vector<Eigen::Matrix3Xf> Perform(const DressedActor& actor, const Character& character,
-                                      const Eigen::MatrixXd& poses_in_world, double fps) {
+                                      const Eigen::MatrixXd& poses_in_world, double fps,
+                                      const ProgressCallback& progress) {
   CheckArguments(actor, character, poses_in_world, fps);
   std::vector<Eigen::Matrix3Xf> frames(static_cast<size_t>(poses_in_world.cols()));
   KinematicState state;
@@ -143,7 +144,11 @@ std::vector<Eigen::Matrix3Xf> Perform(const DressedActor& actor, const Character
   Dummy dummy(actor, character);
   ClothSimulator simulator = Dressed(actor.cloth, character, poses_in_world, fps, &dummy);
   const int substeps = std::max(1, static_cast<int>(std::lround(1 / (fps * kStepS))));
-  for (Eigen::Index f = 0; f < poses_in_world.cols(); ++f) {
+  const auto num_frames = static_cast<int>(poses_in_world.cols());
+  for (int f = 0; f < num_frames; ++f) {
+    if (progress && !progress({"cloth", f, num_frames})) {
+      throw Error(ErrorCode::kCancelled, "interrupted");
+    }
     for (int i = 1; f > 0 && i <= substeps; ++i) {
       dummy.Pose(Between(poses_in_world.col(f - 1), poses_in_world.col(f),
                          static_cast<double>(i) / substeps));

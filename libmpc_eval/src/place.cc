@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <opencv2/imgproc.hpp>
 
 #include "mesh_parts.h"
 #include "mpc/core/error.h"
@@ -264,8 +265,10 @@ class Builder {
     Stand(Quad({MiddleX() - 100, 0.003, kerb}, {200, 0, 0}, {0, 0, far - kerb},
                Made(PlasterTexture(&dice_), 3)),
           false);
-    place_.standing.back().texture =
-        std::make_shared<const Texture>(cv::Mat(0.45 * PlasterTexture(&dice_)));
+    cv::Mat grey;  // asphalt
+    cv::cvtColor(0.45 * PlasterTexture(&dice_), grey, cv::COLOR_BGR2GRAY);
+    cv::cvtColor(grey, grey, cv::COLOR_GRAY2BGR);
+    place_.standing.back().texture = std::make_shared<const Texture>(grey);
     Buildings(far - dice_.Between(3, 6), 7, 16);
     const Material metal = Made(BarkTexture(&dice_));
     for (int i = -1; i <= 1; ++i) {

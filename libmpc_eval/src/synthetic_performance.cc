@@ -123,7 +123,8 @@ std::unique_ptr<SyntheticScene> MakeScene(const SyntheticPerformance& performanc
   }
   const Camera& camera = performance.camera.camera;
   stage.half_fov_rad = std::atan(0.5 * camera.width / camera.fx);
-  return std::make_unique<SyntheticScene>(performance.options.scene, stage, rig, character);
+  return std::make_unique<SyntheticScene>(performance.options.scene, stage, rig, character,
+                                          performance.camera.motion.empty() ? &camera : nullptr);
 }
 
 bool RenderPerformance(const SyntheticPerformance& performance, const SyntheticScene& scene,

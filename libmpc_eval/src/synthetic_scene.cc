@@ -5,7 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "actor_surface.h"
 #include "mesh_parts.h"
@@ -70,6 +73,47 @@ SceneMoment Around(const SceneMoment& previous, const SceneMoment& current, cons
   return t < 0 ? Between(current, previous, -t) : Between(current, next, t);
 }
 
+constexpr float kReachMarginM = 0.35f;  // of a body's darkness around it, and of the lamp's size
+constexpr int kReachMarginPx = 3;
+
+// The part of the picture that a moving body can cover or shade: its box, and where the lamp throws
+// that onto the floor. A shadow on anything else lies on the way there.
+cv::Rect Reach(const Camera& camera, const Eigen::Vector3d& lamp,
+               const Eigen::Matrix3Xf& positions) {
+  const Eigen::Vector3f least = positions.rowwise().minCoeff().array() - kReachMarginM;
+  const Eigen::Vector3f most = positions.rowwise().maxCoeff().array() + kReachMarginM;
+  Eigen::Matrix3Xf points(3, 16);
+  for (int i = 0; i < 8; ++i) {
+    const Eigen::Vector3d corner((i & 1 ? most : least).x(), (i & 2 ? most : least).y(),
+                                 (i & 4 ? most : least).z());
+    points.col(2 * i) = corner.cast<float>();
+    const double to_floor = lamp.y() / (lamp.y() - corner.y());
+    points.col(2 * i + 1) = (lamp + to_floor * (corner - lamp)).cast<float>();
+  }
+  const cv::Rect rect = ProjectedBounds(camera, ToCamera(camera.camera_from_world, points));
+  const cv::Point margin(kReachMarginPx, kReachMarginPx);
+  return cv::Rect(rect.tl() - margin, rect.br() + margin) &
+         cv::Rect(0, 0, camera.width, camera.height);
+}
+
+// Rectangles that do not overlap and cover all of these.
+std::vector<cv::Rect> Disjoint(const std::vector<cv::Rect>& rects) {
+  std::vector<cv::Rect> disjoint;
+  for (cv::Rect rect : rects) {
+    for (size_t i = 0; i < disjoint.size();) {
+      if ((rect & disjoint[i]).empty()) {
+        ++i;
+        continue;
+      }
+      rect |= disjoint[i];
+      disjoint.erase(disjoint.begin() + static_cast<std::ptrdiff_t>(i));
+      i = 0;  // the larger one against all again
+    }
+    if (!rect.empty()) disjoint.push_back(rect);
+  }
+  return disjoint;
+}
+
 std::vector<const TriangleMesh*> Bodies(const std::vector<LitMesh>& meshes) {
   std::vector<const TriangleMesh*> bodies;
   for (const LitMesh& lit : meshes) bodies.push_back(&lit.mesh);
@@ -111,9 +155,11 @@ struct SyntheticScene::Impl {
   std::vector<Sample> samples;
   std::vector<Eigen::Vector3d> lamps;    // per sample, world
   std::vector<ShadowMap> place_shadows;  // per sample
+  std::optional<Camera> at_rest;
+  cv::Mat still;  // with it: the sum of all samples without anything that moves
 
   Impl(const SceneOptions& scene_options, const StageBounds& stage, const RigAsset& rig,
-       const Character& character)
+       const Character& character, const Camera* camera_at_rest)
       : options(scene_options),
         actor(rig, character, scene_options.seed),
         place(MakePlace(scene_options, stage)) {
@@ -131,10 +177,64 @@ struct SyntheticScene::Impl {
       lamps.push_back(lamp + kLampRadius * lamp.norm() * (world_from_lamp * offset));
       place_shadows.push_back(MakeShadowMap(lamps.back(), casters, kPlaceShadowPx));
     }
+    if (camera_at_rest == nullptr) return;
+    at_rest = *camera_at_rest;
+    still = cv::Mat::zeros(at_rest->height, at_rest->width, CV_32FC4);
+    for (size_t i = 0; i < samples.size(); ++i) {
+      AddLitPicture(Shifted(*at_rest, at_rest->camera_from_world, samples[i]), StillScene(i),
+                    &still);
+    }
   }
 
+  LitScene StillScene(size_t sample) const {
+    LitScene scene;
+    scene.lighting = place.lighting;
+    scene.shadows.push_back(&place_shadows[sample]);
+    for (const LitMesh& lit : place.standing) scene.place.push_back(&lit);
+    for (const LitMesh& lit : place.occluders) scene.bodies.push_back(&lit);
+    return scene;
+  }
+
+  static Camera Shifted(const Camera& camera, const CameraFromWorld& place, const Sample& sample) {
+    Camera shifted = camera;
+    shifted.has_extrinsics = true;
+    shifted.camera_from_world = place;
+    // A sample at +x inside the pixel sees what the pixel at +x would.
+    shifted.cx -= sample.pixel_x;
+    shifted.cy -= sample.pixel_y;
+    return shifted;
+  }
+
+  bool IsAtRest(const Camera& camera, const SceneMoment& moment) const {
+    const CameraFromWorld& pose = moment.camera_from_world;
+    return at_rest && camera.width == at_rest->width && camera.height == at_rest->height &&
+           camera.fx == at_rest->fx && camera.fy == at_rest->fy && camera.cx == at_rest->cx &&
+           camera.cy == at_rest->cy && pose.rotation == at_rest->camera_from_world.rotation &&
+           pose.translation == at_rest->camera_from_world.translation;
+  }
+
+  // What moves may be seen there while the shutter is open.
+  std::vector<cv::Rect> MovingParts(const SceneMoment& previous, const SceneMoment& current,
+                                    const SceneMoment& next, double seconds, double fps) const {
+    const Eigen::Vector3d& lamp = place.lighting.lamp_in_world;
+    cv::Rect actor_reach;
+    for (const SceneMoment* moment : {&previous, &current, &next}) {
+      actor_reach |= Reach(*at_rest, lamp, moment->vertices);
+    }
+    std::vector<cv::Rect> rects = {actor_reach};
+    for (const Mover& mover : place.movers) {
+      cv::Rect reach;
+      for (const double t : {seconds - 0.5 / fps, seconds, seconds + 0.5 / fps}) {
+        reach |= Reach(*at_rest, lamp, mover.At(t).mesh.positions);
+      }
+      rects.push_back(reach);
+    }
+    return Disjoint(rects);
+  }
+
+  // Into these parts of the sum.
   void AddSample(const Camera& camera, const SceneMoment& moment, double seconds, size_t i,
-                 cv::Mat* sum) const {
+                 const std::vector<cv::Rect>& parts, cv::Mat* sum) const {
     const std::vector<LitMesh> body = actor.At(moment.vertices);
     std::vector<LitMesh> moving;
     for (const Mover& mover : place.movers) moving.push_back(mover.At(seconds));
@@ -146,30 +246,24 @@ struct SyntheticScene::Impl {
     }
     const ContactMap contact = MakeContactMap(Bodies(body));
 
-    LitScene scene;
-    scene.lighting = place.lighting;
+    LitScene scene = StillScene(i);
     scene.contact = &contact;
-    scene.shadows.push_back(&place_shadows[i]);
     for (const ShadowMap& map : shadows) scene.shadows.push_back(&map);
-    for (const LitMesh& lit : place.standing) scene.place.push_back(&lit);
     for (const LitMesh& lit : moving) scene.place.push_back(&lit);
     for (const LitMesh& lit : body) scene.bodies.push_back(&lit);
-    for (const LitMesh& lit : place.occluders) scene.bodies.push_back(&lit);
-
-    Camera shifted = camera;
-    shifted.has_extrinsics = true;
-    shifted.camera_from_world = moment.camera_from_world;
-    // A sample at +x inside the pixel sees what the pixel at +x would.
-    shifted.cx -= samples[i].pixel_x;
-    shifted.cy -= samples[i].pixel_y;
-    AddLitPicture(shifted, scene, sum);
+    const Camera shifted = Shifted(camera, moment.camera_from_world, samples[i]);
+    for (const cv::Rect& part : parts) {
+      cv::Mat there = (*sum)(part);
+      AddLitPicture(CroppedTo(shifted, part), scene, &there);
+    }
   }
 };
 
 SyntheticScene::SyntheticScene(const SceneOptions& options, const StageBounds& stage,
-                               const RigAsset& rig, const Character& character) {
+                               const RigAsset& rig, const Character& character,
+                               const Camera* at_rest) {
   options.Validate();
-  impl_ = std::make_unique<Impl>(options, stage, rig, character);
+  impl_ = std::make_unique<Impl>(options, stage, rig, character, at_rest);
 }
 
 SyntheticScene::~SyntheticScene() = default;
@@ -178,9 +272,16 @@ cv::Mat SyntheticScene::Picture(const Camera& camera, const SceneMoment& previou
                                 const SceneMoment& current, const SceneMoment& next, int frame,
                                 double fps) const {
   cv::Mat sum = cv::Mat::zeros(camera.height, camera.width, CV_32FC4);
+  std::vector<cv::Rect> parts = {cv::Rect(0, 0, camera.width, camera.height)};
+  if (impl_->IsAtRest(camera, previous) && impl_->IsAtRest(camera, current) &&
+      impl_->IsAtRest(camera, next)) {
+    parts = impl_->MovingParts(previous, current, next, frame / fps, fps);
+    impl_->still.copyTo(sum);
+    for (const cv::Rect& part : parts) sum(part).setTo(0);
+  }
   for (size_t i = 0; i < impl_->samples.size(); ++i) {
     const double t = impl_->options.shutter * impl_->samples[i].time;
-    impl_->AddSample(camera, Around(previous, current, next, t), (frame + t) / fps, i, &sum);
+    impl_->AddSample(camera, Around(previous, current, next, t), (frame + t) / fps, i, parts, &sum);
   }
   cv::Mat picture = Developed(sum, impl_->options.samples);
   AddSensorNoise(impl_->options.sensor_noise, impl_->options.seed, frame, &picture);

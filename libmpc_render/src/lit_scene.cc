@@ -55,9 +55,14 @@ void AddLayer(const Camera& camera, const LitScene& scene, const DrawList& list,
         crosses ? hidden.ptr<int>(y - hidden_bounds.y) - hidden_bounds.x : nullptr;
     const int begin = crosses ? hidden_bounds.x : camera.width;
     const int end = crosses ? hidden_bounds.x + hidden_bounds.width : camera.width;
-    for (int x = 0; x < camera.width; ++x) {
-      if (ids[x] < 0 || (x >= begin && x < end && in_front[x] >= 0)) continue;
-      Eigen::Map<Eigen::Array4f>(out + 4 * x) += shader.Shade(ids[x], x, y, depth[x]);
+    const auto seen = [&](int x) {
+      return x >= begin && x < end && in_front[x] >= 0 ? -1 : ids[x];
+    };
+    for (int x = 0; x < camera.width;) {
+      const int first = x, id = seen(x);
+      while (++x < camera.width && seen(x) == id) {
+      }
+      if (id >= 0) shader.Add(id, first, y, x - first, depth + first, out + 4 * first);
     }
   }
 }

@@ -12,6 +12,17 @@ constexpr float kShadowOffsetM = 0.012f;  // along the normal, against a surface
 
 Eigen::Array4f Light4(const Eigen::Array3f& bgr) { return {bgr[0], bgr[1], bgr[2], 0}; }
 
+// A linear function of the picture at pixel `at` and those to the right of it.
+LampView::Lanes Ramp(const Eigen::Vector3d& function, const Eigen::Vector3d& at) {
+  const auto first = static_cast<float>(function.dot(at));
+  return first +
+         static_cast<float>(function[0]) * LampView::Lanes::LinSpaced(0, kShadedTogether - 1);
+}
+
+LampView::Lanes Dot(const LampView::Points& points, const Eigen::Vector3f& with) {
+  return with[0] * points[0] + with[1] * points[1] + with[2] * points[2];
+}
+
 }  // namespace
 
 DrawList MakeDrawList(const Camera& camera, const std::vector<const LitMesh*>& meshes) {
@@ -79,7 +90,7 @@ void PixelShader::SetUp(int t) {
     uv_ = uv * weights;
     Eigen::Matrix3d homography;
     homography << uv_, weight_sum_.transpose();
-    uv_area_ = std::abs(homography.determinant());
+    uv_area_ = static_cast<float>(std::abs(homography.determinant()));
   } else if (mesh_->vertex_bgr.cols() > 0) {
     Eigen::Matrix3d bgr;
     for (int i = 0; i < 3; ++i) {
@@ -93,10 +104,9 @@ void PixelShader::SetUp(int t) {
   const Eigen::Vector3d across = (x.col(1) - x.col(0)).cross(x.col(2) - x.col(0));
   flat_normal_ = across.normalized().cast<float>();
   if (across.dot(x.col(0)) > 0) flat_normal_ = -flat_normal_;
-  flat_surroundings_ = Surroundings(flat_normal_);
   near_lamps_.clear();
-  const bool smooth = mesh_->normals.cols() > 0;
-  if (smooth) {
+  smooth_ = mesh_->normals.cols() > 0;
+  if (smooth_) {
     Eigen::Matrix3d normals;
     for (int i = 0; i < 3; ++i) normals.col(i) = mesh_->normals.col(own[i]).cast<double>();
     normal_ = camera_.camera_from_world.rotation * normals * weights;
@@ -104,55 +114,91 @@ void PixelShader::SetUp(int t) {
   const Eigen::Matrix3f in_front =
       x.cast<float>().colwise() + Eigen::Vector3f(kShadowOffsetM * flat_normal_);
   for (const LampView& view : lamps_) {
-    if (smooth || !view.Misses(in_front)) near_lamps_.push_back(&view);
+    if (smooth_ || !view.Misses(in_front)) near_lamps_.push_back(&view);
   }
 }
 
-Eigen::Array4f PixelShader::Colour(const Eigen::Vector3d& at, double w) const {
+void PixelShader::Colour(const Eigen::Vector3d& at, int count, const Lanes& inverse,
+                         Colours* colours) const {
   if (mesh_->texture) {
-    const Eigen::Vector2d uv = w * (uv_ * at);
+    // Counted from the whole number below the first pixel's, so that floats are exact enough.
+    Eigen::Vector2d first = uv_ * at / weight_sum_.dot(at);
     // A triangle seen edge-on may be sampled far outside.
-    if (!(uv.cwiseAbs().maxCoeff() < 1e6)) return mesh_->texture->Sample(0.5, 0.5, 1);
-    return mesh_->texture->Sample(uv.x(), uv.y(), uv_area_ * std::abs(w * w * w));
+    if (!(first.cwiseAbs().maxCoeff() < 1e6)) first.setZero();
+    const Eigen::Matrix<double, 2, 3> uv =
+        uv_ - first.array().floor().matrix() * weight_sum_.transpose();
+    const Lanes u = Ramp(uv.row(0), at) * inverse, v = Ramp(uv.row(1), at) * inverse;
+    const Lanes area = uv_area_ * (inverse * inverse * inverse).abs();
+    for (int i = 0; i < count; ++i) {
+      const bool inside = std::abs(u[i]) < 1e6f && std::abs(v[i]) < 1e6f;
+      colours->col(i) = inside ? mesh_->texture->Sample(u[i], v[i], area[i])
+                               : mesh_->texture->Sample(0.5f, 0.5f, 1);
+    }
+  } else if (mesh_->vertex_bgr.cols() > 0) {
+    for (int channel = 0; channel < 3; ++channel) {
+      colours->row(channel) =
+          (Ramp(colour_.row(channel), at) * inverse).max(0.0f).min(1.0f).transpose();
+    }
+    colours->row(3).setZero();
+  } else {
+    colours->colwise() = flat_colour_;
   }
-  if (mesh_->vertex_bgr.cols() == 0) return flat_colour_;
-  const Eigen::Vector3f bgr = (w * (colour_ * at)).cast<float>();
-  return Light4(bgr.array().max(0.0f).min(1.0f));
 }
 
-Eigen::Array4f PixelShader::Surroundings(const Eigen::Vector3f& normal) const {
-  const float upwards = 0.5f + 0.5f * normal.dot(up_);
-  return upwards * sky_ + (1 - upwards) * ground_;
+LampView::Points PixelShader::SmoothNormals(const Eigen::Vector3d& at, const Lanes& inverse) const {
+  LampView::Points normals;
+  for (int i = 0; i < 3; ++i) normals[i] = Ramp(normal_.row(i), at) * inverse;
+  const Lanes squared = normals[0].square() + normals[1].square() + normals[2].square();
+  const Lanes facing = Dot(normals, flat_normal_);
+  const Lanes scale = (facing < 0).select(-1 / squared.sqrt(), 1 / squared.sqrt());
+  for (int i = 0; i < 3; ++i) {
+    normals[i] = (squared > 1e-12f && squared < 1e30f).select(normals[i] * scale, flat_normal_[i]);
+  }
+  return normals;
 }
 
-// Unit, on the side that is seen.
-Eigen::Vector3f PixelShader::SmoothNormal(const Eigen::Vector3d& at, double w) const {
-  const Eigen::Vector3f smooth = (w * (normal_ * at)).cast<float>();
-  const float length = smooth.norm();
-  if (!(length > 1e-6f && std::isfinite(length))) return flat_normal_;
-  return smooth * ((flat_normal_.dot(smooth) < 0 ? -1.0f : 1.0f) / length);
-}
-
-Eigen::Array4f PixelShader::ShadeKnown(int column, int row, float z) const {
-  const Eigen::Vector3d at(column, row, 1);
-  const double w = 1 / weight_sum_.dot(at);
-  const Eigen::Array4f colour = Colour(at, w);
-  if (mesh_->glows) return colour;
-  const bool smooth = mesh_->normals.cols() > 0;
-  const Eigen::Vector3f normal = smooth ? SmoothNormal(at, w) : flat_normal_;
-  Eigen::Array4f light = smooth ? Surroundings(normal) : flat_surroundings_;
-  const Eigen::Vector3f x = z * (ray_from_pixel_ * at).cast<float>();
+void PixelShader::AddFew(int x, int y, int count, const float* depth, float* sum) const {
+  const Eigen::Vector3d at(x, y, 1);
+  const Lanes inverse = 1 / Ramp(weight_sum_, at);
+  Colours colours;
+  Colour(at, count, inverse, &colours);
+  Eigen::Map<Eigen::Array<float, 4, Eigen::Dynamic>> out(sum, 4, count);
+  if (mesh_->glows) {
+    out += colours.leftCols(count);
+    return;
+  }
+  LampView::Points point, normal;
+  point[2] = depth[0];
+  for (int i = 1; i < count; ++i) point[2][i] = depth[i];
+  for (int i = 0; i < 2; ++i) point[i] = point[2] * Ramp(ray_from_pixel_.row(i), at);
+  if (smooth_) {
+    normal = SmoothNormals(at, inverse);
+  } else {
+    for (int i = 0; i < 3; ++i) normal[i] = flat_normal_[i];
+  }
+  const Lanes upwards = 0.5f + 0.5f * Dot(normal, up_);
+  Lanes around = Lanes::Ones();  // how much of sky and ground
   if (mesh_->is_floor && scene_.contact != nullptr) {
-    light *= 1 - scene_.contact->At(world_x_.dot(x) + eye_in_world_.x(),
-                                    world_z_.dot(x) + eye_in_world_.z());
+    const Lanes world_x = Dot(point, world_x_) + eye_in_world_.x();
+    const Lanes world_z = Dot(point, world_z_) + eye_in_world_.z();
+    for (int i = 0; i < count; ++i) around[i] -= scene_.contact->At(world_x[i], world_z[i]);
   }
-  float facing = normal.dot(to_lamp_);
-  if (facing > 0) {
-    const Eigen::Vector3f in_front = x + kShadowOffsetM * normal;
-    for (const LampView* view : near_lamps_) facing *= view->Visibility(in_front);
-    light += facing * lamp_;
+  Lanes facing = Dot(normal, to_lamp_).max(0.0f);
+  if ((facing > 0).any()) {
+    for (int i = 0; i < 3; ++i) point[i] += kShadowOffsetM * normal[i];
+    for (const LampView* view : near_lamps_) view->Shade(point, &facing);
   }
-  return colour * light;
+  for (int i = 0; i < count; ++i) {
+    const Eigen::Array4f surroundings = around[i] * (ground_ + upwards[i] * (sky_ - ground_));
+    out.col(i) += colours.col(i) * (surroundings + facing[i] * lamp_);
+  }
+}
+
+void PixelShader::Add(int t, int x, int y, int count, const float* depth, float* sum) {
+  if (t != known_) SetUp(t);
+  for (int i = 0; i < count; i += kShadedTogether) {
+    AddFew(x + i, y, std::min(count - i, kShadedTogether), depth + i, sum + 4 * i);
+  }
 }
 
 }  // namespace mpc

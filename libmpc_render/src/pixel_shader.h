@@ -1,4 +1,4 @@
-// Purpose: the light that a pixel gets from a triangle.
+// Purpose: the light that pixels get from a triangle.
 // Frames: camera frame. Everything a triangle carries is a quotient of two functions that are linear
 // in the picture: with ray = ((x - cx) / fx, (y - cy) / fy, 1) and corners x0, x1, x2 the corners'
 // weights are proportional to (x1 x x2) . ray and so on.
@@ -26,20 +26,21 @@ class PixelShader {
  public:
   PixelShader(const Camera& camera, const DrawList& list, const LitScene& scene);
 
-  // Linear light of the pixel (x, y) where triangle `t` is seen at depth z.
-  Eigen::Array4f Shade(int t, int x, int y, float z) {
-    if (t != known_) SetUp(t);
-    return ShadeKnown(x, y, z);
-  }
+  // Adds linear light (4 floats each) to the pixels (x, y), (x + 1, y), ... where triangle `t` is seen
+  // at these depths.
+  void Add(int t, int x, int y, int count, const float* depth, float* sum);
 
  private:
+  using Lanes = LampView::Lanes;  // a value for each of kShadedTogether pixels in a row
+
   void SetUp(int t);
-  Eigen::Array4f ShadeKnown(int x, int y, float z) const;
-  // w: one over the sum of the corners' weights.
-  Eigen::Array4f Colour(const Eigen::Vector3d& at, double w) const;
-  // Of sky and ground on a surface with this normal.
-  Eigen::Array4f Surroundings(const Eigen::Vector3f& normal) const;
-  Eigen::Vector3f SmoothNormal(const Eigen::Vector3d& at, double w) const;
+  // At most kShadedTogether pixels of the known triangle.
+  void AddFew(int x, int y, int count, const float* depth, float* sum) const;
+  // Rows of colours (b, g, r, 0), one per pixel. `inverse` is one over the sum of the weights.
+  using Colours = Eigen::Array<float, 4, kShadedTogether>;
+  void Colour(const Eigen::Vector3d& at, int count, const Lanes& inverse, Colours* colours) const;
+  // Unit, on the side that is seen.
+  LampView::Points SmoothNormals(const Eigen::Vector3d& at, const Lanes& inverse) const;
 
   const Camera& camera_;
   const DrawList& list_;
@@ -54,15 +55,15 @@ class PixelShader {
   // Of the triangle known_.
   int known_ = -1;
   const LitMesh* mesh_ = nullptr;
+  bool smooth_ = false;
   Eigen::Vector3d weight_sum_;      // . (x, y, 1) = sum of the corners' weights
   Eigen::Matrix<double, 2, 3> uv_;  // . (x, y, 1) = uv times that sum
   Eigen::Matrix3d colour_;          // likewise, linear b, g, r
   Eigen::Matrix3d normal_;          // likewise
   Eigen::Array4f flat_colour_;
   Eigen::Vector3f flat_normal_;              // towards the camera
-  Eigen::Array4f flat_surroundings_;         // for that normal
   std::vector<const LampView*> near_lamps_;  // maps that may shade it
-  double uv_area_ = 0;  // area in uv of a pixel, times the third power of the sum
+  float uv_area_ = 0;  // area in uv of a pixel, times the third power of the sum
 };
 
 }  // namespace mpc

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <opencv2/imgproc.hpp>
 
 #include "mpc/core/error.h"
@@ -12,6 +13,7 @@
 namespace mpc {
 namespace {
 
+constexpr int kBlockPx = 16;
 constexpr double kCellM = 0.025;        // of a contact map
 constexpr double kBelowFloorM = 30;     // from where it is looked at: nearly parallel rays
 constexpr double kContactReachM = 0.1;  // height at which a body's darkness has fallen to 1 / e
@@ -37,6 +39,27 @@ TriangleMesh Joined(std::span<const TriangleMesh* const> bodies) {
     t += body->triangles.cols();
   }
   return joined;
+}
+
+cv::Mat Blocks(const cv::Mat& depth) {
+  constexpr float kInfinity = std::numeric_limits<float>::infinity();
+  const int side = (depth.cols - 1) / kBlockPx + 1;
+  cv::Mat blocks(side, side, CV_32FC2);
+  for (int row = 0; row < side; ++row) {
+    for (int column = 0; column < side; ++column) {
+      float nearest = kInfinity, farthest = 0;
+      for (int y = row * kBlockPx; y <= std::min((row + 1) * kBlockPx, depth.rows - 1); ++y) {
+        for (int x = column * kBlockPx; x <= std::min((column + 1) * kBlockPx, depth.cols - 1);
+             ++x) {
+          const float seen = depth.at<float>(y, x) == 0 ? kInfinity : depth.at<float>(y, x);
+          nearest = std::min(nearest, seen);
+          farthest = std::max(farthest, seen);
+        }
+      }
+      blocks.at<cv::Vec2f>(row, column) = {nearest, farthest};
+    }
+  }
+  return blocks;
 }
 
 }  // namespace
@@ -76,11 +99,12 @@ ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
   RasterBuffers buffers;
   RasterizeMesh(lamp, in_lamp, mesh.triangles, {}, &buffers);
   map.depth = buffers.depth;
+  map.blocks = Blocks(map.depth);
   return map;
 }
 
 LampView::LampView(const ShadowMap& map, const CameraFromWorld& camera_from_world)
-    : depth_(&map.depth), last_(static_cast<float>(map.lamp.width - 1)) {
+    : depth_(&map.depth), blocks_(&map.blocks), last_(static_cast<float>(map.lamp.width - 1)) {
   const Camera& lamp = map.lamp;
   Eigen::Matrix3d pixel_from_lamp;
   pixel_from_lamp << lamp.fx, 0, lamp.cx, 0, lamp.fy, lamp.cy, 0, 0, 1;
@@ -98,17 +122,35 @@ bool LampView::Misses(const Eigen::Matrix3f& corners) const {
   return (x < 0).all() || (y < 0).all() || (x >= limit).all() || (y >= limit).all();
 }
 
-float LampView::InMap(const Eigen::Vector3f& p) const {
-  const float u = p.x() / p.z(), v = p.y() / p.z();
-  const int column = std::min(static_cast<int>(u), depth_->cols - 2);
-  const int row = std::min(static_cast<int>(v), depth_->rows - 2);
-  const float fx = u - static_cast<float>(column), fy = v - static_cast<float>(row);
-  const float nearest = p.z() - kShadowBiasM;
-  const auto lit = [nearest](float depth) { return depth == 0 || depth >= nearest ? 1.0f : 0.0f; };
-  const float* above = depth_->ptr<float>(row) + column;
-  const float* below = depth_->ptr<float>(row + 1) + column;
-  return (1 - fy) * ((1 - fx) * lit(above[0]) + fx * lit(above[1])) +
-         fy * ((1 - fx) * lit(below[0]) + fx * lit(below[1]));
+void LampView::Shade(const Points& x, Lanes* light) const {
+  const auto row = [&](int i) -> Lanes {
+    return pixel_from_point_(i, 0) * x[0] + pixel_from_point_(i, 1) * x[1] +
+           pixel_from_point_(i, 2) * x[2] + offset_[i];
+  };
+  const Lanes depth = row(2);
+  Lanes u = row(0), v = row(1);  // times depth
+  if (!(u >= 0 && v >= 0 && u < last_ * depth && v < last_ * depth).any()) return;
+  u /= depth;
+  v /= depth;
+  const auto lit = [](float seen, float nearest) {
+    return seen == 0 || seen >= nearest ? 1.0f : 0.0f;
+  };
+  for (int i = 0; i < kShadedTogether; ++i) {
+    if (!((*light)[i] > 0 && u[i] >= 0 && v[i] >= 0 && u[i] < last_ && v[i] < last_)) continue;
+    const int column = static_cast<int>(u[i]), line = static_cast<int>(v[i]);
+    const float nearest = depth[i] - kShadowBiasM;
+    const auto& block = blocks_->at<cv::Vec2f>(line / kBlockPx, column / kBlockPx);
+    if (block[0] >= nearest) continue;
+    if (block[1] < nearest) {
+      (*light)[i] = 0;
+      continue;
+    }
+    const float fx = u[i] - static_cast<float>(column), fy = v[i] - static_cast<float>(line);
+    const float* above = depth_->ptr<float>(line) + column;
+    const float* below = depth_->ptr<float>(line + 1) + column;
+    (*light)[i] *= (1 - fy) * ((1 - fx) * lit(above[0], nearest) + fx * lit(above[1], nearest)) +
+                   fy * ((1 - fx) * lit(below[0], nearest) + fx * lit(below[1], nearest));
+  }
 }
 
 float ContactMap::At(float x, float z) const {

@@ -67,15 +67,14 @@ double SignedVolume(const Eigen::Matrix3Xf& positions, const Triangles& triangle
 
 class DressedActorTest : public ::testing::TestWithParam<Outfit> {
  protected:
-  static void SetUpTestSuite() {
-    for (const Outfit outfit : kAllOutfits) actors_[outfit] = MakeDressedActor({.outfit = outfit});
+  static const DressedActor& actor(Outfit outfit) {  // made once, when asked for
+    static std::map<Outfit, DressedActor> actors;
+    const auto [it, is_new] = actors.try_emplace(outfit);
+    if (is_new) it->second = MakeDressedActor({.outfit = outfit});
+    return it->second;
   }
-  static void TearDownTestSuite() { actors_.clear(); }
-  static const DressedActor& actor(Outfit outfit) { return actors_.at(outfit); }
-  static const RigMesh& body(Outfit outfit) { return actors_.at(outfit).rig.meshes[0]; }
-  static std::map<Outfit, DressedActor> actors_;
+  static const RigMesh& body(Outfit outfit) { return actor(outfit).rig.meshes[0]; }
 };
-std::map<Outfit, DressedActor> DressedActorTest::actors_;
 
 TEST_P(DressedActorTest, IsOneClosedBodyWithOutwardNormals) {
   actor(GetParam()).rig.Validate();

@@ -1,13 +1,9 @@
 // The command as a user meets it: exit codes, one sentence per error, no half-written files.
 
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>
-#include <spawn.h>
-#include <sys/wait.h>
 
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <functional>
@@ -17,7 +13,6 @@
 #include <set>
 #include <sstream>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "mpc/eval/motions.h"
@@ -31,67 +26,25 @@
 #include "mpc/render/raster.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_map.h"
+#include "run_command.h"
 #include "small_clip.h"
-
-extern char** environ;
 
 namespace mpc {
 namespace {
 
 namespace fs = std::filesystem;
+using testing::ExpectOneSentence;
+using testing::FilesIn;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::IsSupersetOf;
 using ::testing::Not;
+using testing::Outcome;
+using testing::Process;
+using testing::RunCommand;
 using testing::SmallClip;
 using ::testing::StartsWith;
 using testing::TempDir;
-
-struct Outcome {
-  int exit_code = -1;  // 128 + signal when it was killed
-  std::string out;
-  std::string err;
-};
-
-// A running command whose output goes to files.
-class Process {
- public:
-  explicit Process(std::vector<std::string> arguments) {
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    const std::string out = (folder_ / "out").string();
-    const std::string err = (folder_ / "err").string();
-    posix_spawn_file_actions_addopen(&actions, 1, out.c_str(), O_WRONLY | O_CREAT, 0600);
-    posix_spawn_file_actions_addopen(&actions, 2, err.c_str(), O_WRONLY | O_CREAT, 0600);
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-    if (posix_spawnp(&pid_, argv[0], &actions, nullptr, argv.data(), environ) != 0) pid_ = -1;
-    posix_spawn_file_actions_destroy(&actions);
-  }
-
-  void Signal(int signal) const { ::kill(pid_, signal); }
-  std::string Err() const { return fs::exists(folder_ / "err") ? ReadFile(folder_ / "err") : ""; }
-
-  Outcome Wait() const {
-    Outcome outcome;
-    int status = 0;
-    if (pid_ < 0 || ::waitpid(pid_, &status, 0) != pid_) return outcome;
-    outcome.exit_code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-    outcome.out = ReadFile(folder_ / "out");
-    outcome.err = Err();
-    return outcome;
-  }
-
- private:
-  TempDir folder_;
-  pid_t pid_ = -1;
-};
-
-Outcome RunCommand(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), MPC_COMMAND);
-  return Process(std::move(arguments)).Wait();
-}
 
 std::vector<std::string> CaptureArguments(const CaptureInputs& inputs, const fs::path& output) {
   return {"capture",        inputs.video.string(),
@@ -101,28 +54,6 @@ std::vector<std::string> CaptureArguments(const CaptureInputs& inputs, const fs:
           "--detections3d", inputs.detections3d.string(),
           "--quiet",        "-o",
           output.string()};
-}
-
-std::set<std::string> FilesIn(const fs::path& folder) {
-  std::set<std::string> names;
-  if (!fs::is_directory(folder)) return names;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    names.insert(entry.path().filename().string());
-  }
-  return names;
-}
-
-// Exit code 1 and, after any warnings, one line "monoperfcap: error: ...".
-void ExpectOneSentence(const Outcome& outcome, const std::string& part) {
-  EXPECT_EQ(outcome.exit_code, 1) << outcome.err;
-  std::istringstream stream(outcome.err);
-  std::vector<std::string> lines;
-  for (std::string line; std::getline(stream, line);) lines.push_back(line);
-  ASSERT_THAT(lines, Not(IsEmpty()));
-  EXPECT_THAT(lines.back(), StartsWith("monoperfcap: error: "));
-  EXPECT_THAT(lines.back(), HasSubstr(part));
-  lines.pop_back();
-  EXPECT_THAT(lines, ::testing::Each(StartsWith("monoperfcap: warning: ")));
 }
 
 class CommandTest : public ::testing::Test {
@@ -308,13 +239,9 @@ TEST_F(CommandTest, SynthRefusesBadInputsInOneSentence) {
 TEST_F(CommandTest, CtrlCLeavesNoHalfSynthesizedClip) {
   const fs::path clip = folder_ / "clip";
   ASSERT_EQ(RunCommand(SynthArguments(clip)).exit_code, 0);  // of an earlier run
-  const Process process({MPC_COMMAND, "synth", "-o", clip.string(), "--seconds", "60", "--width",
-                         "320", "--height", "240"});
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (process.Err().find("clip ") == std::string::npos &&
-         std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
+  const Process process({MPC_COMMAND, "synth", "-o", clip.string(), "--outfit", "tight",
+                         "--seconds", "20", "--width", "320", "--height", "240"});
+  process.WaitFor("clip ");
   process.Signal(SIGINT);
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
@@ -611,11 +538,7 @@ TEST_F(CommandTest, CtrlCKeepsWhatIsFinishedAndExitsWith130) {
   std::erase(arguments, "--quiet");
   arguments.insert(arguments.begin(), MPC_COMMAND);
   const Process process(arguments);
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-  while (process.Err().find("overlay") == std::string::npos &&
-         std::chrono::steady_clock::now() < deadline) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(2));
-  }
+  process.WaitFor("overlay");
   process.Signal(SIGINT);
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;

@@ -234,18 +234,20 @@ TEST(TextureTest, IsExactAtTexelsAndAMeanFromAfar) {
   for (int y = 0; y < 8; ++y) {
     for (int x = 0; x < 16; ++x) {
       // One repeat to the left and above, as any other.
-      const Eigen::Array4f found = texture.Sample((x + 0.5) / 16 - 1, (y + 0.5) / 8 - 1, 1.0 / 128);
+      const Eigen::Array4f found =
+          texture.Sample(static_cast<float>(x) / 16 - 31.0f / 32,
+                         static_cast<float>(y) / 8 - 15.0f / 16, 1.0f / 128);
       for (int i = 0; i < 3; ++i) {
         EXPECT_NEAR(found[i], LinearFromByte(picture.at<cv::Vec3b>(y, x)[i]), 1e-5);
       }
       mean += found / 128;
     }
   }
-  EXPECT_LT((texture.Sample(0.3, 0.7, 1) - mean).abs().maxCoeff(), 1e-3);
+  EXPECT_LT((texture.Sample(0.3f, 0.7f, 1) - mean).abs().maxCoeff(), 1e-3);
   // Across the seam: the mean of the last and the first column.
-  const Eigen::Array4f seam = texture.Sample(0, 0.5 / 8, 0);
+  const Eigen::Array4f seam = texture.Sample(0, 0.5f / 8, 0);
   const Eigen::Array4f sides =
-      texture.Sample(0.5 / 16, 0.5 / 8, 0) + texture.Sample(-0.5 / 16, 0.5 / 8, 0);
+      texture.Sample(0.5f / 16, 0.5f / 8, 0) + texture.Sample(-0.5f / 16, 0.5f / 8, 0);
   EXPECT_LT((seam - sides / 2).abs().maxCoeff(), 1e-5);
 }
 

@@ -55,6 +55,7 @@ using RefinementSink = std::function<void(const RefinedFrame&)>;
 struct ClipRefinement {
   Eigen::MatrixXd poses;                 // N x F
   std::vector<RefinementRecord> frames;  // fewer than F when the callback stopped the work
+  double surface_s = 0;                  // processor time of refining surfaces alone, all threads
 };
 
 // Hands the frames to `sink` in their order, from the calling thread. Reports progress as stage

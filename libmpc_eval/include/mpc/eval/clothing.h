@@ -9,6 +9,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "mpc/core/progress.h"
 #include "mpc/eval/dressed_actor.h"
 #include "mpc/skeleton/character.h"
 
@@ -18,10 +19,11 @@ namespace mpc {
 // BuildCharacter of the actor's rig; an actor without cloth (anybody's rig) is plainly skinned.
 // Poses are N x F. The cloth has come to rest at the first pose, moving along with it, before frame
 // 0; between frames the poses are interpolated. Deterministic, single-threaded; a second of
-// performance costs about as much at any frame rate.
+// performance costs about as much at any frame rate. Reports progress as stage "cloth".
 // Throws Error: kMismatch for a character of another rig; kInvalidArgument for poses of the wrong
-// size or that are not finite, and for fps outside [1, 1000].
+// size or that are not finite, and for fps outside [1, 1000]; kCancelled when the callback stops it.
 std::vector<Eigen::Matrix3Xf> Perform(const DressedActor& actor, const Character& character,
-                                      const Eigen::MatrixXd& poses_in_world, double fps);
+                                      const Eigen::MatrixXd& poses_in_world, double fps,
+                                      const ProgressCallback& progress = {});
 
 }  // namespace mpc

@@ -59,15 +59,17 @@ class SyntheticScene {
   // trousers and shoes by body segment. Throws Error: kInvalidArgument for options or a rig of
   // another character, kBadFile for a texture that cannot be decoded, kUnsupported when occluders
   // do not fit between actor and camera.
+  // `at_rest`: pictures of this camera are wanted; its place is drawn once, and per picture only what
+  // the actor and other moving things can cover or shade. nullptr: the camera moves.
   SyntheticScene(const SceneOptions& options, const StageBounds& stage, const RigAsset& rig,
-                 const Character& character);
+                 const Character& character, const Camera* at_rest = nullptr);
   ~SyntheticScene();
   SyntheticScene(const SyntheticScene&) = delete;
   SyntheticScene& operator=(const SyntheticScene&) = delete;
 
   // The picture of frame `frame` (8-bit BGR) from the moment itself and its neighbours, between
   // which vertices and camera are interpolated while the shutter is open. The first and the last
-  // frame of a clip are their own neighbours. About 0.1 s per sample of a 720p picture.
+  // frame of a clip are their own neighbours.
   cv::Mat Picture(const Camera& camera, const SceneMoment& previous, const SceneMoment& current,
                   const SceneMoment& next, int frame, double fps) const;
 

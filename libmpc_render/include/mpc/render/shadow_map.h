@@ -5,6 +5,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <opencv2/core.hpp>
 #include <span>
 
@@ -18,6 +19,9 @@ namespace mpc {
 struct ShadowMap {
   Camera lamp;    // at the lamp, looking at the bodies; width 0: of no body
   cv::Mat depth;  // CV_32F as RasterBuffers::depth
+  // CV_32FC2: the nearest and the farthest depth of each block of 16 x 16 texels and those beside
+  // it, where nothing is seen infinite: whether a point is lit can mostly be told from it.
+  cv::Mat blocks;
 };
 
 inline constexpr float kShadowBiasM = 0.01f;  // nothing shades what lies this close behind it
@@ -27,28 +31,27 @@ inline constexpr float kShadowBiasM = 0.01f;  // nothing shades what lies this c
 ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
                         std::span<const TriangleMesh* const> bodies, int side_px);
 
+inline constexpr int kShadedTogether = 8;  // points, for the processor's vector instructions
+
 // A shadow map to be asked many times, for points given in one frame.
 class LampView {
  public:
+  using Lanes = Eigen::Array<float, kShadedTogether, 1>;
+  using Points = std::array<Lanes, 3>;  // coordinates of points
+
   // `map` must outlive the view. camera_from_world: of the frame the points are in.
   LampView(const ShadowMap& map, const CameraFromWorld& camera_from_world);
 
-  // The part of the lamp that is seen from a point, 0 to 1: bilinear between the answers of four
-  // neighbours.
-  float Visibility(const Eigen::Vector3f& x) const {
-    const Eigen::Vector3f p = pixel_from_point_ * x + offset_;  // pixel times depth, depth
-    const float limit = last_ * p.z();
-    if (!(p.x() >= 0 && p.y() >= 0 && p.x() < limit && p.y() < limit)) return 1;
-    return InMap(p);
-  }
+  // Multiplies each light by the part of the lamp that is seen from its point, 0 to 1: bilinear
+  // between the answers of four neighbours.
+  void Shade(const Points& x, Lanes* light) const;
 
   // No point of the triangle between these corners lies within the map: all of it is lit.
   bool Misses(const Eigen::Matrix3f& corners) const;
 
  private:
-  float InMap(const Eigen::Vector3f& p) const;
-
   const cv::Mat* depth_;
+  const cv::Mat* blocks_;
   Eigen::Matrix3f pixel_from_point_;
   Eigen::Vector3f offset_;
   float last_;  // column and row

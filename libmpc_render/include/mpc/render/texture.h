@@ -23,10 +23,11 @@ class Texture {
 
   // Linear light (b, g, r, 0) at (u, v), bilinear, in the level whose texels have about the size of
   // the pixel: `uv_area` is the pixel's area in texture coordinates. |u| and |v| below 2e9. Thread-safe.
-  Eigen::Array4f Sample(double u, double v, double uv_area) const;
+  Eigen::Array4f Sample(float u, float v, float uv_area) const;
 
  private:
-  std::vector<cv::Mat> levels_;  // CV_32FC4, each half as large as the one before, the last 1 x 1
+  // CV_16UC4 of 255^2 times the light, each half as large as the one before, the last 1 x 1.
+  std::vector<cv::Mat> levels_;
 };
 
 }  // namespace mpc

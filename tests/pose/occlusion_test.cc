@@ -31,7 +31,7 @@ constexpr MotionKind kMotions[] = {MotionKind::kWalk, MotionKind::kReach};
 // the same dice without the gap.
 double ThirdVisibleFrame(DetectionNoise noise, bool gap) {
   double error = 0;
-  constexpr int kSeeds = 10;
+  constexpr int kSeeds = 5;
   if (gap) noise.gaps = {kGap};
   for (const MotionKind motion : kMotions) {
     for (uint64_t seed = 1; seed <= kSeeds; ++seed) {

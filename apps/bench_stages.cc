@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "console.h"
-#include "mpc/pose/calibration.h"
 #include "mpc/pose/detection_rig.h"
 #include "mpc/pose/frame_initializer.h"
 #include "mpc/pose/pose_estimator.h"
@@ -48,15 +47,13 @@ StageOutput RunNetworkRig(const BenchClip& clip, const StageOutputs&) {
   return output;
 }
 
-// As EstimatePoses starts, proportions included.
+// As EstimatePoses starts.
 StageOutput RunInitialization(const BenchClip& clip, const StageOutputs&) {
   const ProcessorWatch watch;
   const mpc::ClipEvidence evidence = Evidence(clip, {});
-  const mpc::Proportions proportions =
-      mpc::CalibrateProportions(evidence, mpc::InitializeFrames(evidence)).proportions;
   StageOutput output;
-  output.character = Scaled(clip, proportions);
-  output.poses = mpc::InitializeFrames(evidence.ForSkeleton(output.character.skeleton)).poses;
+  output.character = clip.character;
+  output.poses = mpc::InitializeFrames(evidence).poses;
   output.seconds = watch.Seconds();
   return output;
 }

@@ -65,6 +65,25 @@ class BatchState {
     *gradient += problem_.smoothness.cwiseProduct(penalized_.col(f));
   }
 
+  // Derivatives of frame f's residuals, which `scratch` holds with their Jacobian from Linearize, by
+  // the parameters, and J^T times them in chart coordinates.
+  void LinearizeParameters(int f, const std::vector<SteppedProblem>& stepped, double step,
+                           const FrameScratch& scratch, Eigen::MatrixXd* derivative,
+                           Eigen::MatrixXd* cross) const {
+    const Eigen::Index num_parameters = static_cast<Eigen::Index>(stepped.size());
+    derivative->resize(scratch.residuals.size(), num_parameters);
+    PosePoint point = points_[f];
+    FrameScratch moved;
+    for (Eigen::Index p = 0; p < num_parameters; ++p) {
+      point.Update(stepped[p].skeleton, /*with_jacobian=*/false);
+      EvaluateFrame(stepped[p].frames[f], point, &moved);
+      derivative->col(p) = (moved.residuals - scratch.residuals) / step;
+    }
+    cross->noalias() = scratch.jacobian.transpose() * *derivative;
+    cross->middleRows<3>(3) =
+        (chart_.Jacobian(s.block<3, 1>(3, f)).transpose() * cross->middleRows<3>(3)).eval();
+  }
+
   void Swap(BatchState* other) {
     s.swap(other->s);
     points_.swap(other->points_);
@@ -193,6 +212,14 @@ class ArrowSystem {
     return true;
   }
 
+  // The frames' own steps for other gradients (N x F) of the system prepared.
+  void Restart(const Eigen::MatrixXd& gradients_of_frames) {
+    coefficients_.setZero();
+    for (int f = 0; f < num_frames_; ++f) {
+      eliminated_.col(f).noalias() = -inverses_[f] * gradients_of_frames.col(f);
+    }
+  }
+
   // Step of S (N x F); false when the system is not positive definite.
   bool Solve(Eigen::MatrixXd* step) {
     const Eigen::MatrixXd rhs = weights_.asDiagonal() * (eliminated_ * basis_.transpose());
@@ -304,6 +331,15 @@ class ArrowSystem {
   Eigen::MatrixXd stiff_frames_;  // N x F: E_f (C D)_f
 };
 
+// Dofs of a frame that lie at a bound and are pulled beyond it.
+Eigen::Array<bool, Eigen::Dynamic, 1> AtBounds(const Eigen::VectorXd& lower,
+                                               const Eigen::VectorXd& upper,
+                                               const Eigen::VectorXd& s,
+                                               const Eigen::VectorXd& gradient) {
+  return (s.array() <= lower.array() && gradient.array() > 0) ||
+         (s.array() >= upper.array() && gradient.array() < 0);
+}
+
 // The damped step with the dofs that would leave their bounds ending there instead, and the others
 // solved again around them: clipping alone would break the trajectory out of the subspace.
 bool SolveWithinBounds(const Eigen::MatrixXd& s, const Eigen::VectorXd& lower,
@@ -351,6 +387,53 @@ Eigen::MatrixXd SubspaceCoefficients(const BatchProblem& problem, const Eigen::M
   return s * problem.basis.transpose();
 }
 
+ReducedSystem ReduceBatch(const BatchProblem& problem, const Eigen::MatrixXd& poses,
+                          const std::vector<SteppedProblem>& stepped, double step) {
+  const int num_frames = static_cast<int>(problem.frames.size());
+  const int num_parameters = static_cast<int>(stepped.size());
+  const std::vector<Eigen::Matrix3d> rotations = RootRotations(poses);
+  const RootChart chart(rotations);
+  BatchState current(problem, chart);
+  current.s = poses;
+  current.s.middleRows<3>(3) = chart.Coordinates(rotations);
+  const Eigen::VectorXd lower = problem.skeleton.LowerBounds();
+  const Eigen::VectorXd upper = problem.skeleton.UpperBounds();
+  FrameScratch scratch;
+  const ReducedSystem nothing = {Eigen::MatrixXd::Zero(num_parameters, num_parameters),
+                                 Eigen::VectorXd::Zero(num_parameters)};
+  if (!std::isfinite(current.Evaluate(&scratch))) return nothing;
+
+  ReducedSystem reduced = nothing;
+  ArrowSystem system(problem);
+  std::vector<Eigen::MatrixXd> cross(num_parameters, Eigen::MatrixXd(poses.rows(), num_frames));
+  Eigen::VectorXd gradient;
+  Eigen::MatrixXd derivative;
+  Eigen::MatrixXd cross_of_frame;
+  for (int f = 0; f < num_frames; ++f) {
+    current.Linearize(f, &scratch, &system.hessians[f], &gradient);
+    system.gradients.col(f) = gradient;
+    system.pinned.col(f) = AtBounds(lower, upper, current.s.col(f), gradient);
+    current.LinearizeParameters(f, stepped, step, scratch, &derivative, &cross_of_frame);
+    for (int p = 0; p < num_parameters; ++p) cross[p].col(f) = cross_of_frame.col(p);
+    reduced.hessian += derivative.transpose() * derivative;
+    reduced.gradient += derivative.transpose() * scratch.residuals;
+  }
+  system.pinned_step.setZero();
+  // The poses' answers T_p to a step of each parameter take X_q^T T_p off the Hessian.
+  if (!system.Prepare(/*damping=*/0)) return nothing;
+  Eigen::MatrixXd answer;
+  for (int p = 0; p < num_parameters; ++p) {
+    system.Restart(cross[p]);
+    if (!system.Solve(&answer)) return nothing;
+    for (int q = 0; q < num_parameters; ++q) {
+      reduced.hessian(q, p) += cross[q].cwiseProduct(answer).sum();
+    }
+    reduced.gradient[p] += answer.cwiseProduct(system.gradients).sum();
+  }
+  reduced.hessian = (0.5 * (reduced.hessian + reduced.hessian.transpose())).eval();
+  return reduced;
+}
+
 SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& options,
                         Eigen::MatrixXd* poses) {
   const auto start = std::chrono::steady_clock::now();
@@ -394,9 +477,7 @@ SolveSummary SolveBatch(const BatchProblem& problem, const BatchSolveOptions& op
       for (int f = 0; f < num_frames; ++f) {
         current.Linearize(f, &scratch, &system.hessians[f], &gradient);
         system.gradients.col(f) = gradient;
-        system.pinned.col(f) =
-            (current.s.col(f).array() <= lower.array() && gradient.array() > 0) ||
-            (current.s.col(f).array() >= upper.array() && gradient.array() < 0);
+        system.pinned.col(f) = AtBounds(lower, upper, current.s.col(f), gradient);
       }
       linearized = true;
     }

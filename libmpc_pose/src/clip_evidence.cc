@@ -333,6 +333,25 @@ FrameObservation ClipEvidence::Observe(int f, SideSwap swap, const Eigen::Vector
   return observation;
 }
 
+FrameObservation ClipEvidence::Rescaled(FrameObservation observation) const {
+  double before = 0;
+  double after = 0;
+  for (size_t i = 0; i < observation.bone.size(); ++i) {
+    const EvidenceBone& bone = bones_[observation.bone[i]];
+    if (!bone.rigid) continue;
+    before += observation.bone_vector[i].norm();
+    after += bone.length;
+  }
+  if (before == 0) return observation;
+  observation.scale_3d *= after / before;
+  for (size_t i = 0; i < observation.bone.size(); ++i) {
+    const EvidenceBone& bone = bones_[observation.bone[i]];
+    Eigen::Vector3d& vector = observation.bone_vector[i];
+    vector *= bone.rigid ? bone.length / vector.norm() : after / before;
+  }
+  return observation;
+}
+
 // PCK_f: the 3D detection, scaled to the actor, is placed where it projects best onto the 2D points
 // (t_f, linear least squares in normalised coordinates, reweighted against outliers); the error is
 // taken over the joints both sources have, in torso lengths.

@@ -9,8 +9,8 @@
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
 #include "mpc/pose/limb_search.h"
-#include "mpc/pose/trajectory_basis.h"
 #include "mpc/pose/windows.h"
+#include "window_problem.h"
 
 namespace mpc {
 namespace {
@@ -21,8 +21,6 @@ constexpr double kRejectedMm = 150;
 // this much better.
 constexpr double kTypicalMm = 50;
 constexpr double kSwapFactor = 1.5;
-// Share of w_d inside the subspace never quite reaches 1: coefficients stay variables of their own.
-constexpr double kMaxBandPenalty = 0.999;
 constexpr int kNumRounds = 3;
 constexpr double kRoughTolerance = 10;  // of all rounds but the last, times the options'
 
@@ -55,56 +53,6 @@ void CheckInputs(const Skeleton& skeleton, const Camera& camera, const Detection
                 fmt::format("the 2D detections have {} frames, the 3D detections {}",
                             detections2d.frames.size(), detections3d->frames.size()));
   }
-}
-
-// E_d of a window: basis, weights per dof and inside the band.
-void SetSmoothness(const PoseOptions& options, double fps, int num_frames, BatchProblem* problem) {
-  const int num_dofs = problem->skeleton.num_dofs();
-  const int size = options.basis_size > 0 ? std::min(options.basis_size, num_frames)
-                                          : BasisSize(num_frames, fps, options.cutoff_hz);
-  problem->basis = DctBasis(size, num_frames);
-  const auto weight = [&](double lambda) { return options.weight_smooth * lambda * lambda; };
-  problem->smoothness.resize(num_dofs);
-  problem->smoothness.head<3>().setConstant(weight(1000 * options.lambda_translation));
-  problem->smoothness.segment<3>(3).setConstant(weight(options.lambda_rotation));
-  problem->smoothness.tail(num_dofs - 6).setConstant(weight(options.lambda_angles));
-  problem->band_penalty.setZero(num_dofs, size);
-  if (!options.soft_band) return;
-  for (int k = 0; k < size; ++k) {
-    problem->band_penalty.col(k).setConstant(
-        std::min(kMaxBandPenalty, std::pow(static_cast<double>(k) / size, 8)));
-  }
-}
-
-BatchProblem MakeBatch(const ClipEvidence& evidence, const FrameInitialization& initialization,
-                       const Window& window, const Eigen::MatrixXd& poses) {
-  BatchProblem problem;
-  problem.skeleton = evidence.skeleton();
-  const Eigen::VectorXd relaxed = RelaxedPose(evidence.skeleton());
-  for (int f = window.begin; f < window.end; ++f) {
-    const Eigen::VectorXd pose = initialization.poses.col(f);
-    // What nobody saw is kept at its interpolation, not pulled to rest.
-    const Eigen::VectorXd& rest = initialization.observed[f] ? relaxed : pose;
-    KinematicState state;
-    ForwardKinematics(evidence.skeleton(), poses.col(f), &state);
-    problem.frames.push_back(evidence.MakeProblem(initialization.observations[f], PersonDepth(pose),
-                                                  /*loss_width=*/1, rest, &state.joints));
-  }
-  SetSmoothness(evidence.options(), evidence.fps(), window.size(), &problem);
-  return problem;
-}
-
-// The band's penalties after the spectrum of an earlier solution of the clip.
-void AdaptBand(const FrameInitialization& initialization, const Window& window,
-               const Eigen::MatrixXd& poses, BatchProblem* problem) {
-  const Eigen::MatrixXd spectrum =
-      SubspaceCoefficients(*problem, poses.middleCols(window.begin, window.size()));
-  // What was not observed shows no motion.
-  const auto first = initialization.observed.begin() + window.begin;
-  const double observed_share =
-      static_cast<double>(std::count(first, first + window.size(), true)) / window.size();
-  problem->band_penalty =
-      observed_share * AdaptedShares(spectrum, problem->smoothness, kNoiseCost, kMaxBandPenalty);
 }
 
 // Detections of one frame beside the projected joints, sides as detected or exchanged.
@@ -197,46 +145,32 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
 
   Stopwatch initialization_watch;
   ClipEvidence evidence(skeleton, camera, detections2d, detections3d, fps, options);
-  const int num_passes = options.fit_proportions ? 2 : 1;
-  const auto initialize = [&](int pass) {
-    ProgressCallback of_all_passes;
-    if (progress) {
-      of_all_passes = [&progress, pass, num_passes](const Progress& step) {
-        return progress(
-            {step.stage, pass * step.num_steps + step.step, num_passes * step.num_steps});
-      };
-    }
-    return InitializeFrames(evidence, of_all_passes);
-  };
-  FrameInitialization initialization = initialize(0);
+  FrameInitialization initialization = InitializeFrames(evidence, progress);
   track.seconds_initialization = initialization_watch.Seconds();
-
-  Stopwatch calibration_watch;
-  if (options.fit_proportions && !initialization.cancelled) {
-    const CalibrationResult calibration = CalibrateProportions(evidence, initialization, progress);
-    track.proportions = calibration.proportions;
-    track.uncertainty = calibration.uncertainty;
-    track.cancelled = calibration.cancelled;
-    evidence = evidence.ForSkeleton(ScaledSkeleton(skeleton, track.proportions));
-    if (!track.cancelled) initialization = initialize(1);
-  }
-  track.cancelled = track.cancelled || initialization.cancelled;
-  track.seconds_calibration = calibration_watch.Seconds();
+  track.cancelled = initialization.cancelled;
 
   Stopwatch batch_watch;
   const std::vector<Window> windows =
       MakeWindows(evidence.num_frames(), options.window_frames, options.overlap_frames);
   track.num_windows = static_cast<int>(windows.size());
   track.poses = initialization.poses;
-  // Later rounds start from the one before, with the limbs chosen over the clip and each dof's
-  // smoothness after its own spectrum.
-  const int num_rounds = options.test_depth_flips || options.adaptive_band ? kNumRounds : 1;
+  // Later rounds start from the one before, with the proportions it shows, the limbs chosen over the
+  // clip and each dof's smoothness after its own spectrum.
+  const int num_rounds =
+      options.fit_proportions || options.test_depth_flips || options.adaptive_band ? kNumRounds : 1;
+  ProportionsCalibration calibration(skeleton);
   const bool measures_error_2d = options.error_2d_mm == 0 && num_rounds > 1;
   for (int round = 0; round < num_rounds && !track.cancelled; ++round) {
-    const Eigen::MatrixXd before = track.poses;
+    const Eigen::MatrixXd before = round > 0 ? track.poses : Eigen::MatrixXd();
     if (measures_error_2d && round == 0) evidence.TrustError2d();
     if (measures_error_2d && round == 1) {
       evidence.MeasureError2d(initialization.observations, track.poses);
+    }
+    if (round > 0 && options.fit_proportions) {
+      const Stopwatch watch;
+      calibration.Step(windows, track.poses, options.num_threads, &evidence, &initialization);
+      track.seconds_calibration += watch.Seconds();
+      if (progress && !progress({"proportions", round, num_rounds - 1})) track.cancelled = true;
     }
     if (round > 0 && options.test_depth_flips) ChooseLimbs(evidence, initialization, &track.poses);
     BatchSolveOptions solver = options.batch_solver;
@@ -248,8 +182,8 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
       const int count = std::min(group, track.num_windows - first);
       ParallelFor(count, options.num_threads, [&](int i) {
         const Window& window = windows[first + i];
-        BatchProblem problem = MakeBatch(evidence, initialization, window, track.poses);
-        if (round > 0 && options.adaptive_band) AdaptBand(initialization, window, before, &problem);
+        const BatchProblem problem =
+            MakeWindowProblem(evidence, initialization, window, track.poses, before);
         solved[first + i] = track.poses.middleCols(window.begin, window.size());
         SolveBatch(problem, solver, &solved[first + i]);
       });
@@ -264,7 +198,9 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     }
     track.poses = BlendWindows(windows, solved, evidence.num_frames());
   }
-  track.seconds_batch = batch_watch.Seconds();
+  track.proportions = calibration.proportions();
+  track.uncertainty = calibration.uncertainty();
+  track.seconds_batch = batch_watch.Seconds() - track.seconds_calibration;
 
   for (int f = 0; f < evidence.num_frames(); ++f) {
     track.frames.push_back(

@@ -49,17 +49,20 @@ SyntheticClip PerformBvh(const Skeleton& skeleton, const std::string& name,
   return clip;
 }
 
-// Bars of the project: 20 mm on smooth motion, 50 mm with measured errors. Kick and roll turn and
-// strike too fast for white errors to average out; their bars are what was reached.
+// Bars of the project: 20 mm with white noise on smooth motion, which walk, jump and punch are; 50 mm
+// with measured errors. Kick, roll and dance turn and strike too fast for white errors to average out:
+// their bars are what was reached (docs/results.md), with room for another machine's last bits.
 struct Bars {
   const char* clip;
   double white_mm;
   double measured_mm;
+  double fitted_white_mm;  // the performer has the rig's proportions already: fitting can only harm
+  double fitted_measured_mm;
 };
 
 class BvhAccuracyTest : public ::testing::TestWithParam<Bars> {
  protected:
-  static void Check(const DetectionNoise& noise, double bar_mm) {
+  static void Check(const DetectionNoise& noise, double bar_mm, double fitted_bar_mm) {
     const Skeleton actor = ActorSkeleton();
     double start_mm = 0;
     double given_mm = 0;
@@ -72,39 +75,40 @@ class BvhAccuracyTest : public ::testing::TestWithParam<Bars> {
       const double start = FrameErrors(clip, actor, InitializeFrames(evidence).poses).mean();
       const double given = FrameErrors(clip, actor, testing::Estimate(clip, options).poses).mean();
       options.fit_proportions = true;
-      const PoseTrack fitted = testing::Estimate(clip, options);
+      const PoseTrack track = testing::Estimate(clip, options);
+      const double fitted =
+          FrameErrors(clip, ScaledSkeleton(actor, track.proportions), track.poses).mean();
       EXPECT_LE(given, start) << "seed " << seed;
+      EXPECT_LE(fitted, start) << "seed " << seed;
       start_mm += start / kSeeds;
       given_mm += given / kSeeds;
-      fitted_mm +=
-          FrameErrors(clip, ScaledSkeleton(actor, fitted.proportions), fitted.poses).mean() /
-          kSeeds;
+      fitted_mm += fitted / kSeeds;
     }
     std::printf(
-        "%s: %.1f mm per frame, %.1f mm batch, %.1f mm with proportions fitted (bar %.0f)\n",
-        GetParam().clip, start_mm, given_mm, fitted_mm, bar_mm);
+        "%s: %.1f mm per frame, %.1f mm batch (bar %.0f), %.1f mm proportions fitted (bar %.0f)\n",
+        GetParam().clip, start_mm, given_mm, bar_mm, fitted_mm, fitted_bar_mm);
     EXPECT_LE(given_mm, bar_mm);
-    // Fitted proportions miss the bars by far so far (docs/results.md): printed, not yet checked.
+    EXPECT_LE(fitted_mm, fitted_bar_mm);
   }
 };
 
 TEST_P(BvhAccuracyTest, WhiteNoise) {
   MPC_REQUIRE_DATA();
-  Check(DetectionNoise::White(5, 60, 0.1, 0.2), GetParam().white_mm);
+  Check(DetectionNoise::White(5, 60, 0.1, 0.2), GetParam().white_mm, GetParam().fitted_white_mm);
 }
 
 TEST_P(BvhAccuracyTest, MeasuredErrors) {
   MPC_REQUIRE_DATA();
-  Check(DetectionNoise::Measured(), GetParam().measured_mm);
+  Check(DetectionNoise::Measured(), GetParam().measured_mm, GetParam().fitted_measured_mm);
 }
 
 INSTANTIATE_TEST_SUITE_P(Mocap, BvhAccuracyTest,
-                         ::testing::Values(Bars{"cmu_02_01_walk", 20, 50},
-                                           Bars{"cmu_02_04_jump_balance", 20, 50},
-                                           Bars{"cmu_02_05_punch_strike", 20, 50},
-                                           Bars{"animateddrawings_jesse_dance", 23, 55},
-                                           Bars{"deepmimic_kick", 32, 60},
-                                           Bars{"deepmimic_roll", 30, 50}),
+                         ::testing::Values(Bars{"cmu_02_01_walk", 20, 50, 20, 50},
+                                           Bars{"cmu_02_04_jump_balance", 20, 50, 20, 50},
+                                           Bars{"cmu_02_05_punch_strike", 20, 50, 20, 50},
+                                           Bars{"animateddrawings_jesse_dance", 23, 50, 23, 50},
+                                           Bars{"deepmimic_kick", 28, 53, 30, 55},
+                                           Bars{"deepmimic_roll", 30, 50, 30, 50}),
                          [](const auto& test) { return std::string(test.param.clip); });
 
 }  // namespace

@@ -9,6 +9,7 @@
 
 #include "mpc/pose/batch_oracle.h"
 #include "mpc/pose/root_chart.h"
+#include "mpc/skeleton/proportions.h"
 #include "pose/synthetic_batch.h"
 
 namespace mpc {
@@ -105,6 +106,59 @@ TEST(BatchCostTest, ConstantPosesCostNothing) {
   const BatchProblem problem = EmptyBatch(50, 8);
   const MatrixXd poses = RandomPoses(1, 6).replicate(1, 50);
   EXPECT_LT(BatchCost(problem, poses), 1e-10);
+}
+
+// Where all residuals are zero the reduced Hessian is the curvature of the least cost over all poses.
+TEST(ReduceBatchTest, IsTheCurvatureOfTheLeastCost) {
+  constexpr int kFrames = 6;
+  constexpr double kStep = 1e-5;
+  const Skeleton skeleton = DefaultSkeleton();
+  const VectorXd pose = testing::MotionInCamera(skeleton, MotionKind::kReach, kFrames, 30).col(3);
+  BatchProblem problem = EmptyBatch(kFrames, 3);
+  problem.frames.clear();
+  std::mt19937 rng(1);
+  testing::FrameIngredients frame = testing::MakeIngredients(
+      skeleton, testing::SyntheticCamera(), pose, testing::Terms::kOurs, 0, 0, &rng);
+  frame.rest = pose.tail(skeleton.num_dofs() - 6);
+  for (int f = 0; f < kFrames; ++f) {
+    problem.frames.push_back(frame.Problem(testing::SyntheticCamera()));
+  }
+  const MatrixXd poses = pose.replicate(1, kFrames);
+  const auto stepped = [&](BodyPart part, double log_scale) {
+    Proportions proportions;
+    proportions.part[static_cast<size_t>(part)] = std::exp(log_scale);
+    return ScaledSkeleton(skeleton, proportions);
+  };
+  const auto parts = {BodyPart::kThigh, BodyPart::kUpperArm};
+  std::vector<SteppedProblem> moved;
+  for (const BodyPart part : parts) moved.push_back({stepped(part, kStep), problem.frames});
+  const ReducedSystem reduced = ReduceBatch(problem, poses, moved, kStep);
+  EXPECT_LT(reduced.gradient.norm(), 1e-3 * reduced.hessian.norm());
+  EXPECT_LT((reduced.hessian - reduced.hessian.transpose()).norm(), 1e-9);
+  int p = 0;
+  for (const BodyPart part : parts) {
+    constexpr double kChange = 0.01;
+    BatchProblem scaled = problem;
+    scaled.skeleton = stepped(part, kChange);
+    MatrixXd solved = poses;
+    const double fixed_cost = BatchCost(scaled, poses);
+    const double cost =
+        SolveBatch(scaled, {.max_iterations = 100, .relative_tolerance = 1e-9}, &solved).final_cost;
+    EXPECT_NEAR(cost, kChange * kChange * reduced.hessian(p, p), 0.05 * cost);
+    EXPECT_LT(cost, 0.9 * fixed_cost);
+    ++p;
+  }
+}
+
+TEST(ReduceBatchTest, OutsideTheDomainSaysNothing) {
+  SyntheticBatch batch =
+      testing::MakeBatch(testing::MotionInCamera(DefaultSkeleton(), MotionKind::kWalk, 4, 30), 30,
+                         testing::Terms::kOurs, 1);
+  batch.truth.row(2).setConstant(-1);  // behind the camera
+  const ReducedSystem reduced = ReduceBatch(
+      batch.problem, batch.truth, {{batch.problem.skeleton, batch.problem.frames}}, /*step=*/1e-4);
+  EXPECT_TRUE(reduced.hessian.isZero());
+  EXPECT_TRUE(reduced.gradient.isZero());
 }
 
 TEST(BatchCostTest, OutsideTheDomainIsInfinite) {

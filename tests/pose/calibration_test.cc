@@ -9,39 +9,84 @@
 namespace mpc {
 namespace {
 
-TEST(CalibrationTest, FindsKnownProportions) {
+double Stature(const Skeleton& skeleton) {
+  KinematicState rest;
+  ForwardKinematics(skeleton, ZeroPose(skeleton), &rest);
+  const auto height = [&](JointId id) { return rest.joints(1, skeleton.FindJointIndex(id)); };
+  return height(JointId::kHeadTop) -
+         0.5 * (height(JointId::kLeftAnkle) + height(JointId::kRightAnkle));
+}
+
+PoseTrack FitProportions(const testing::SyntheticClip& clip) {
+  PoseOptions options = testing::PlainOptions();
+  options.fit_proportions = true;
+  return EstimatePoses(DefaultSkeleton(), clip.camera, clip.detections.detections2d,
+                       &clip.detections.detections3d, clip.fps, options);
+}
+
+Proportions LongTorsoAndThighs() {
   Proportions known;
   known.part = {1.06, 0.93, 1, 1, 1.08, 0.92, 1.1, 0.93, 1};
-  const Skeleton performer = ScaledSkeleton(DefaultSkeleton(), known);
-  const testing::SyntheticClip clip =
-      testing::MakeClip(MotionKind::kReach, 100, 30, {}, 1, performer);
-  const PoseOptions options = testing::PlainOptions();
-  const ClipEvidence evidence(DefaultSkeleton(), clip.camera, clip.detections.detections2d,
-                              &clip.detections.detections3d, clip.fps, options);
-  const FrameInitialization start = InitializeFrames(evidence);
-  const CalibrationResult result = CalibrateProportions(evidence, start);
+  return known;
+}
+
+// The overall size cannot be seen: the proportions are compared at equal stature.
+void ExpectProportions(const PoseTrack& track, const Proportions& known, double tolerance,
+                       double sigmas) {
+  const double size = Stature(ScaledSkeleton(DefaultSkeleton(), known)) /
+                      Stature(ScaledSkeleton(DefaultSkeleton(), track.proportions));
   for (int p = 0; p < kNumBodyParts; ++p) {
-    EXPECT_NEAR(result.proportions.part[p], known.part[p], 0.02)
+    EXPECT_NEAR(size * track.proportions.part[p], known.part[p],
+                tolerance + sigmas * track.uncertainty.part[p])
         << BodyPartName(static_cast<BodyPart>(p));
   }
-  EXPECT_EQ(result.proportions.overall, 1);
+}
+
+TEST(CalibrationTest, FindsKnownProportions) {
+  const Proportions known = LongTorsoAndThighs();
+  const Skeleton performer = ScaledSkeleton(DefaultSkeleton(), known);
+  const PoseTrack track =
+      FitProportions(testing::MakeClip(MotionKind::kReach, 100, 30, {}, 1, performer));
+  // The prior pulls where little is known: by less than the uncertainty that is reported.
+  ExpectProportions(track, known, 0.01, 1);
+  EXPECT_EQ(track.proportions.overall, 1);
+}
+
+// White errors average out over all frames, without a bias to larger or smaller parts.
+TEST(CalibrationTest, WhiteNoiseDoesNotBiasIt) {
+  const DetectionNoise noise = DetectionNoise::White(5, 60, 0.1, 0.2);
+  for (const Proportions& known : {Proportions{}, LongTorsoAndThighs()}) {
+    const Skeleton performer = ScaledSkeleton(DefaultSkeleton(), known);
+    const PoseTrack track =
+        FitProportions(testing::MakeClip(MotionKind::kWalk, 100, 30, noise, 1, performer));
+    ExpectProportions(track, known, 0.04, 0);
+  }
+}
+
+TEST(CalibrationTest, KeepsTheStature) {
+  const Skeleton performer = ScaledSkeleton(DefaultSkeleton(), LongTorsoAndThighs());
+  const PoseTrack track = FitProportions(testing::MakeClip(
+      MotionKind::kWalk, 60, 30, DetectionNoise::White(3, 30, 0, 0), 2, performer));
+  EXPECT_NEAR(Stature(ScaledSkeleton(DefaultSkeleton(), track.proportions)),
+              Stature(DefaultSkeleton()), 0.003);
 }
 
 TEST(CalibrationTest, NobodySeenIsTheRigItself) {
   const testing::SyntheticClip clip =
       testing::MakeClip(MotionKind::kWalk, 5, 30, {.gaps = {{0, 5}}}, 1);
   const PoseOptions options = testing::PlainOptions();
-  const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
-                              &clip.detections.detections3d, clip.fps, options);
+  ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
+                        &clip.detections.detections3d, clip.fps, options);
   FrameInitialization start;
   start.poses = clip.poses;
   start.observed.assign(5, false);
   start.swaps.assign(5, SideSwap::kNone);
   start.observations.resize(5);
-  const CalibrationResult result = CalibrateProportions(evidence, start);
+  ProportionsCalibration calibration(clip.skeleton);
+  calibration.Step(MakeWindows(5, 50, 10), start.poses, 1, &evidence, &start);
   for (int p = 0; p < kNumBodyParts; ++p) {
-    EXPECT_EQ(result.proportions.part[p], 1);
-    EXPECT_GT(result.uncertainty.part[p], 0.02);
+    EXPECT_EQ(calibration.proportions().part[p], 1);
+    EXPECT_GT(calibration.uncertainty().part[p], 0.02);
   }
 }
 

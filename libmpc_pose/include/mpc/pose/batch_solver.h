@@ -35,6 +35,24 @@ struct BatchSolveOptions {
 // sum_k band_penalty_nk (S D^T)_nk^2); infinity outside the domain. The chart is chosen from the poses.
 double BatchCost(const BatchProblem& problem, const Eigen::MatrixXd& poses);
 
+// The same frames for another skeleton, or with other targets: as many residuals in each frame.
+struct SteppedProblem {
+  Skeleton skeleton;
+  std::vector<FrameProblem> frames;  // F
+};
+
+// Gauss-Newton system of P parameters that poses do not contain, with the poses eliminated.
+struct ReducedSystem {
+  Eigen::MatrixXd hessian;   // P x P, of half the cost
+  Eigen::VectorXd gradient;  // P
+};
+
+// That system at `poses` (N x F). Derivatives are difference quotients: stepped[p] is the problem
+// after a step of parameter p. Dofs at their bounds do not give way. Zeros where the poses are outside
+// the domain or the system is singular.
+ReducedSystem ReduceBatch(const BatchProblem& problem, const Eigen::MatrixXd& poses,
+                          const std::vector<SteppedProblem>& stepped, double step);
+
 // The subspace coefficients S D^T of poses (N x F), N x K; the chart is chosen from the poses.
 Eigen::MatrixXd SubspaceCoefficients(const BatchProblem& problem, const Eigen::MatrixXd& poses);
 

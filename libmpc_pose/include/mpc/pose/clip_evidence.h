@@ -82,6 +82,9 @@ class ClipEvidence {
   FrameObservation Observe(int f, SideSwap swap = SideSwap::kNone,
                            const Eigen::Vector3d* hips = nullptr) const;
 
+  // The same observation, made for another skeleton, for this one.
+  FrameObservation Rescaled(FrameObservation observation) const;
+
   // The frame's energies. depth_m: distance of the person along the optical axis, for the unit of
   // 2D residuals. loss_width: factor on the options' robust scales, 0 for plain squares. rest: the
   // rest prior's target (N). joints: those of a pose near the solution, if known (3xJ): so far as the

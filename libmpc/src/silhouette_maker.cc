@@ -38,6 +38,8 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
       segmentation.clip_skeleton ? model : cv::Mat(model.size(), CV_8UC1, cv::Scalar(255));
   input.skeleton_mask =
       SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
+  input.person_probability =
+      PictureMask(clip_.person_masks, frame.index, clip_.person_gap, frame.picture.size());
   input.actor_size_px = CutOffActorSizePx(vertices);
   return ExtractSilhouette(input, segmentation);
 }

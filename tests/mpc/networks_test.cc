@@ -65,7 +65,7 @@ TEST_F(NetworksTest, FindTheActorInAlmostEveryFrame) {
           camera.camera_from_world.rotation * x + camera.camera_from_world.translation;
     }
   }
-  const std::vector<JointId> joints = ScoredJoints14();
+  const auto joints = ScoredJoints14();
   const ReprojectionError error = CompareReprojection(
       camera, joints, SelectJoints(truth.positions, truth.joints, joints), found);
   std::printf("joints lie %.1f px from the truth (%d of them)\n", error.mean_px,
@@ -96,7 +96,8 @@ TEST_F(NetworksTest, CaptureNeedsOnlyVideoAndActor) {
 
 // Without the networks the message says what to do.
 TEST_F(NetworksTest, SaysHowToGetThem) {
-  for (const std::string command : {"detect", "capture --actor " + Clip("actor.glb").string()}) {
+  for (const std::string& command :
+       {std::string("detect"), "capture --actor " + Clip("actor.glb").string()}) {
     const testing::ProgramResult run =
         RunProgram(kCommand + command + " " + Clip("clip.mp4").string() + " --models " +
                    Output("nowhere").string() + " -o " + Output("no_models").string());

@@ -11,6 +11,7 @@
 
 #include "actor.h"
 #include "mask_outputs.h"
+#include "model_fit.h"
 #include "mpc/core/error.h"
 #include "mpc/detect_clip.h"
 #include "mpc/io/camera_file.h"
@@ -18,6 +19,7 @@
 #include "mpc/io/mask_file.h"
 #include "mpc/io/poses_file.h"
 #include "mpc/io/video.h"
+#include "mpc/io/video_lens.h"
 #include "mpc/pose/focal_search.h"
 #include "mpc/skeleton/proportions.h"
 #include "outputs.h"
@@ -33,6 +35,8 @@ constexpr const char* kGltfName = "performance.glb";
 constexpr const char* kBvhName = "motion.bvh";
 constexpr const char* kTrcName = "joints.trc";
 constexpr const char* kOverlayName = "overlay.mp4";
+// Of a focal length that the video's file states: cameras crop the picture to steady it.
+constexpr double kStatedFocalSigma = 0.1;
 
 Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
                       std::vector<std::string>* warnings) {
@@ -104,6 +108,16 @@ int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
     }
   }
   return num_frames;
+}
+
+// What is known of the focal length without looking at the pictures.
+FocalPrior PriorOfFocal(const CaptureInputs& inputs, CaptureReport* report) {
+  const Camera& camera = report->camera;
+  const std::optional<double> focal_35mm = ReadFocalLength35mm(inputs.video);
+  if (!focal_35mm) return FocalPrior::Usual(camera.width, camera.height);
+  report->focal_35mm = *focal_35mm;
+  return {.focal_px = FocalPxFrom35mm(*focal_35mm, camera.width, camera.height),
+          .relative_sigma = kStatedFocalSigma};
 }
 
 // Things a user should look at.
@@ -224,6 +238,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   Character character = loaded_->actor.character;
   Detections2d detections2d = loaded_->detections2d;
   std::optional<Detections3d> detections3d = loaded_->detections3d;
+  std::vector<PersonMask> person_masks;
+  int person_gap = 1;
   const int num_threads = options_.pose.num_threads;
   const auto timed = [&report](const char* stage, const auto& work) {
     const auto start = std::chrono::steady_clock::now();
@@ -260,13 +276,16 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       report.outputs.emplace_back(kDetections3dName);
       detections2d = std::move(detected.detections2d);
       detections3d = std::move(detected.detections3d);
+      person_masks = std::move(detected.masks);
+      person_gap = detected.every;
     });
   }
   if (inputs_.camera.empty() && inputs_.fov_rad == 0) {
     timed("focal", [&] {
-      const FocalEstimate focal = EstimateFocal(
-          character.skeleton, report.camera.width, report.camera.height, detections2d,
-          detections3d ? &*detections3d : nullptr, report.fps, options_.pose, progress);
+      const FocalEstimate focal =
+          EstimateFocal(character.skeleton, report.camera.width, report.camera.height, detections2d,
+                        detections3d ? &*detections3d : nullptr, report.fps, options_.pose,
+                        PriorOfFocal(inputs_, &report), progress);
       report.camera.fx = report.camera.fy = focal.focal_px;
       report.focal_uncertainty = focal.relative_sigma;
       report.warnings.push_back(
@@ -283,6 +302,13 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     report.skeleton = character.skeleton;
   });
   report.complete = !report.track.cancelled;
+  if (!person_masks.empty()) {
+    timed("fit", [&] {
+      report.person_iou = internal::ModelFit(character, report.camera, report.track.poses,
+                                             person_masks, num_threads);
+    });
+    internal::AddModelFitWarning(report.person_iou, &report.warnings);
+  }
   AddTrackWarnings(report.track, &report.warnings);
   timed("world", [&] {
     report.world = PlaceInWorld(character, report.track.poses, report.camera,
@@ -322,13 +348,17 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   bool has_surface = false;
   if (options_.masks && report.complete) {
     timed("refinement", [&] {
-      const PosedClip clip = {.video = inputs_.video,
-                              .image_fps = inputs_.image_fps,
-                              .camera = report.camera,
-                              .character = character,
-                              .poses = report.track.poses,
-                              .masks = inputs_.masks,
-                              .true_masks = inputs_.true_masks};
+      PosedClip clip = {.video = inputs_.video,
+                        .image_fps = inputs_.image_fps,
+                        .camera = report.camera,
+                        .character = character,
+                        .poses = report.track.poses,
+                        .masks = inputs_.masks,
+                        .true_masks = inputs_.true_masks};
+      if (options_.person_masks) {
+        clip.person_masks = person_masks;
+        clip.person_gap = person_gap;
+      }
       ClipRefinementOptions options = options_.refinement;
       options.silhouettes.num_threads = num_threads;
       ClipRefinement refinement =

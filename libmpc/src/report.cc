@@ -148,14 +148,19 @@ Json RefinementJson(const RefinementRecord& record) {
   return json;
 }
 
-// Over all frames that have a true mask; null without any. `iou` gives that of a record.
+// Over all frames that have a value; null without any.
+Json IouJson(const std::vector<double>& iou) {
+  const IouSummary all = SummarizeIou(iou);
+  if (all.num_frames == 0) return nullptr;
+  return {{"mean", all.mean}, {"worst_decile", all.worst_decile}, {"frames", all.num_frames}};
+}
+
+// The same of records. `iou` gives that of a record.
 template <typename Record, typename Iou>
 Json TrueIouJson(const std::vector<Record>& records, const Iou& iou) {
   std::vector<double> values;
   for (const Record& record : records) values.push_back(iou(record));
-  const IouSummary all = SummarizeIou(values);
-  if (all.num_frames == 0) return nullptr;
-  return {{"mean", all.mean}, {"worst_decile", all.worst_decile}, {"frames", all.num_frames}};
+  return IouJson(values);
 }
 
 // File names need not be UTF-8; what is not is replaced rather than refused.
@@ -180,6 +185,7 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
                      {"height_m", options.height_m},
                      {"overlay", options.overlay},
                      {"masks", options.masks},
+                     {"person_masks", options.person_masks},
                      {"detect_every", options.detect.every},
                      {"average_mirrored", options.detect.landmarker.average_mirrored}};
   json["outputs"] = report.outputs;
@@ -188,6 +194,7 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   json["camera"] = CameraJson(report.camera);
   if (std::isfinite(report.focal_uncertainty)) {
     json["camera"]["focal_uncertainty"] = report.focal_uncertainty;
+    if (report.focal_35mm > 0) json["camera"]["focal_35mm"] = report.focal_35mm;
   }
   json["world"] = WorldJson(report.world);
   json["proportions"] = ProportionsJson(report);
@@ -198,6 +205,9 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
     timings[timing.stage] = Rounded(timing.seconds, 1e-3);
   }
   json["seconds"] = std::move(timings);
+  if (!report.person_iou.empty()) {
+    json["person_iou"] = IouJson(report.person_iou);
+  }
   json["num_windows"] = report.track.num_windows;
   if (!inputs.true_masks.empty()) {
     const auto summary = [&](const auto& iou) { return TrueIouJson(report.refinement, iou); };

@@ -63,6 +63,8 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
   input.skeleton_mask =
       SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
   input.background = background_;
+  input.person_probability =
+      PictureMask(clip_.person_masks, frame.index, clip_.person_gap, frame.picture.size());
   input.actor_size_px = CutOffActorSizePx(vertices);
   return ExtractSilhouette(input, segmentation);
 }

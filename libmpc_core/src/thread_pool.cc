@@ -17,7 +17,7 @@ int ResolveNumThreads(int requested) {
 }
 
 void ParallelFor(int n, int num_threads, const std::function<void(int)>& fn) {
-  num_threads = std::min(num_threads, n);
+  num_threads = std::min(ResolveNumThreads(num_threads), n);
   if (num_threads <= 1) {
     for (int i = 0; i < n; ++i) fn(i);
     return;

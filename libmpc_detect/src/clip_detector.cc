@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <string>
 
 #include "mpc/core/error.h"
@@ -14,7 +15,16 @@ namespace {
 
 // Looks per period of the fastest motion to keep; 2 would be enough for a band-limited signal.
 constexpr double kLooksPerPeriod = 2.5;
+constexpr int kMaskSide = 128;
 constexpr double kMaxAtDistance = 0.5;  // from the person's centre, in sides of the region
+
+PersonMask SmallMask(const PersonPose& pose, int frame) {
+  PersonMask mask = {.frame = frame, .region = pose.region};
+  cv::Mat small;
+  cv::resize(pose.mask, small, {kMaskSide, kMaskSide}, 0, 0, cv::INTER_AREA);
+  small.convertTo(mask.probability, CV_8U, 255);
+  return mask;
+}
 
 // The cubic through a and b, which are `step` frames apart, that leaves them with the slopes
 // slope_a and slope_b; at the share t of the way.
@@ -63,6 +73,7 @@ void ClipDetector::Look(const cv::Mat& bgr, int frame) {
     Sample& sample = samples_[person.id].emplace_back();
     sample.frame = frame;
     sample.region = person.pose.refined;
+    sample.mask = SmallMask(person.pose, frame);
     JointsFromBlazePose(person.pose.pixels, &sample.joints2d.pixels);
     JointsFromBlazePose(person.pose.world, &sample.joints3d.positions);
     sample.joints2d.confidence = JointConfidencesFromBlazePose(person.pose.Confidences());
@@ -153,6 +164,7 @@ ClipDetections ClipDetector::Finish() {
     const auto frame = static_cast<size_t>(sample.frame);
     clip2d.frames[frame] = sample.joints2d;
     clip3d.frames[frame] = sample.joints3d;
+    result_.masks.push_back(sample.mask);
     if (i + 1 == samples.size() || is_gap(i)) continue;
     const Sample& next = samples[i + 1];
     for (int k = 1; k < step(i); ++k) {

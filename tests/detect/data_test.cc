@@ -115,12 +115,12 @@ TEST(DetectClipDataTest, JointsAgreeWithOpenPoses) {
     VideoReader video(folder / (name + ".mp4"));
     ClipDetector detector(FindPoseModels(), video.width(), video.height(), video.fps());
     cv::Mat picture;
-    for (int f = 0; f < 49 && video.Read(&picture); ++f) detector.Add(picture);
+    for (int f = 0; f < 25 && video.Read(&picture); ++f) detector.Add(picture);
     const ClipDetections found = detector.Finish();
-    EXPECT_EQ(found.every, 6);
-    EXPECT_EQ(found.num_looks, 9);
+    EXPECT_EQ(found.every, 4);
+    EXPECT_EQ(found.num_looks, 7);
     EXPECT_EQ(found.num_seen, found.num_looks);
-    ASSERT_EQ(found.detections2d.frames.size(), 49u);
+    ASSERT_EQ(found.detections2d.frames.size(), 25u);
     found.detections2d.Validate();
     found.detections3d.Validate();
     const Agreement one =

@@ -45,10 +45,11 @@ enum class SurfaceTargets {
 };
 
 struct CaptureOptions {
-  PoseOptions pose;     // its num_threads serves every stage
-  double height_m = 0;  // the actor is first scaled to this height at bind; 0: as in the file
-  bool overlay = true;  // write overlay.mp4
-  bool masks = true;    // find silhouettes, refine what they show, write masks.mp4
+  PoseOptions pose;           // its num_threads serves every stage
+  double height_m = 0;        // the actor is first scaled to this height at bind; 0: as in the file
+  bool overlay = true;        // write overlay.mp4
+  bool masks = true;          // find silhouettes, refine what they show, write masks.mp4
+  bool person_masks = false;  // the networks' masks, where they are run, help to find silhouettes
   ClipDetectorOptions detect;        // when no detections are given
   ClipRefinementOptions refinement;  // its num_threads is that of `pose`
   SurfaceTargets surface = SurfaceTargets::kKey;
@@ -67,11 +68,15 @@ struct CaptureReport {
   bool complete = true;  // false: the progress callback stopped the work
   double fps = 0;
   int num_frames = 0;
-  Camera camera;  // for the video's own resolution
+  Camera camera;          // for the video's own resolution
+  double focal_35mm = 0;  // as the video's file says, for an estimated focal length; 0: it does not
   // Relative standard deviation of an estimated focal length; NaN when the camera is given.
   double focal_uncertainty = std::numeric_limits<double>::quiet_NaN();
   Skeleton skeleton;  // the actor's, with the proportions applied
   PoseTrack track;    // poses N x F of `skeleton`, the refined ones where there are
+  // Intersection over union of the posed mesh, before refinement, and the networks' mask; F, NaN
+  // for frames they did not look at; empty with given detections.
+  std::vector<double> person_iou;
   WorldPlacement world;
   std::vector<RefinementRecord> refinement;  // one per frame; empty without the stage
   GltfSurfaceError surface;                  // of the morph targets

@@ -9,10 +9,12 @@
 #include <functional>
 #include <limits>
 #include <opencv2/core.hpp>
+#include <span>
 #include <vector>
 
 #include "mpc/core/camera.h"
 #include "mpc/core/progress.h"
+#include "mpc/detect/person_mask.h"
 #include "mpc/seg/silhouette.h"
 #include "mpc/skeleton/character.h"
 
@@ -40,6 +42,10 @@ struct PosedClip {
   // Video, or folder of pictures in the order of their names; as many frames as the video.
   std::filesystem::path masks = {};       // the user's own, in place of extraction; empty: none
   std::filesystem::path true_masks = {};  // only to be compared with; empty: none
+  // The networks' masks of the person, at most person_gap frames apart (ClipDetections): they join
+  // what the pictures say. Empty: none.
+  std::span<const PersonMask> person_masks = {};
+  int person_gap = 1;
 };
 
 // What is known of one frame's silhouette.

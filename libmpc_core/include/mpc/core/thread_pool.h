@@ -9,9 +9,10 @@ namespace mpc {
 // Number of threads to use for `requested`: itself when positive, else the machine's cores.
 int ResolveNumThreads(int requested);
 
-// Calls fn(i) for every i in [0, n) on up to `num_threads` threads and returns when all are done.
+// Calls fn(i) for every i in [0, n) on up to ResolveNumThreads(num_threads) threads and returns when
+// all are done.
 // The first exception (of the lowest index that threw) is rethrown after all threads stopped; later
-// indices may then be skipped. num_threads <= 1 runs in the calling thread.
+// indices may then be skipped. One thread is the calling one.
 void ParallelFor(int n, int num_threads, const std::function<void(int)>& fn);
 
 }  // namespace mpc

@@ -11,6 +11,7 @@
 
 #include "mpc/core/detections.h"
 #include "mpc/detect/models.h"
+#include "mpc/detect/person_mask.h"
 #include "mpc/detect/pose_tracker.h"
 
 namespace mpc {
@@ -23,7 +24,7 @@ struct ClipDetectorOptions {
   // The networks look at every n-th frame, and at the last; 0: as rarely as motion up to cutoff_hz
   // allows. In between a cubic goes through the joints.
   int every = 0;
-  double cutoff_hz = 4;  // as PoseOptions::cutoff_hz
+  double cutoff_hz = 6;  // as PoseOptions::cutoff_hz
   PoseLandmarkerOptions landmarker;
   PoseTrackerOptions tracker;
 
@@ -32,18 +33,19 @@ struct ClipDetectorOptions {
 };
 
 struct ClipDetections {
-  Detections2d detections2d;  // F frames
-  Detections3d detections3d;  // F frames, ray-aligned
-  int every = 1;              // frames from one look to the next
-  int num_looks = 0;          // frames that were looked at,
-  int num_seen = 0;           // and those of them that show the person
-  int num_persons = 0;        // in the clip
+  Detections2d detections2d;      // F frames
+  Detections3d detections3d;      // F frames, ray-aligned
+  std::vector<PersonMask> masks;  // of the looks that show the person, 16 kB each
+  int every = 1;                  // frames from one look to the next
+  int num_looks = 0;              // frames that were looked at,
+  int num_seen = 0;               // and those of them that show the person
+  int num_persons = 0;            // in the clip
 };
 
 // Frames between two looks that keep motion up to cutoff_hz, at least 1.
 int DetectionStride(double fps, double cutoff_hz);
 
-// Takes a clip frame by frame; memory does not grow with its pictures. Not thread-safe.
+// Takes a clip frame by frame; of its pictures only small masks are kept. Not thread-safe.
 class ClipDetector {
  public:
   // Throws Error: kInvalidArgument, and as Network::Read for the models.
@@ -61,7 +63,8 @@ class ClipDetector {
   // A person in a frame that was looked at.
   struct Sample {
     int frame = 0;
-    PersonRegion region;
+    PersonRegion region;  // around the person
+    PersonMask mask;
     Detections2d::Frame joints2d;
     Detections3d::Frame joints3d;
   };

@@ -26,7 +26,7 @@ if ! scripts/get_models.sh; then
 fi
 "$monoperfcap" capture "$out/synth/clip.mp4" --actor "$out/synth/actor.glb" \
   --camera "$out/synth/camera.json" "${detections[@]}" -o "$out/synth/take"
-"$monoperfcap" eval "$out/synth/take" --truth "$out/synth"
+"$monoperfcap" eval "$out/synth/take" --truth "$out/synth" | tee "$out/synth/evaluation.txt"
 
 clip=$data/pose2sim
 if [ -d "$clip" ]; then
@@ -34,11 +34,19 @@ if [ -d "$clip" ]; then
   "$monoperfcap" capture "$clip/cam01.mp4" --actor "$data/actors/male_tpose.glb" \
     --camera "$clip/cameras.json:cam01" --detections2d "$clip/cam01_openpose_body25b.json" \
     --detections3d "$clip/cam01_blazepose.json" -o "$out/cam01"
-  "$monoperfcap" eval "$out/cam01/joints.trc" --truth "$clip/gt_joints.json"
+  "$monoperfcap" eval "$out/cam01/joints.trc" --truth "$clip/gt_joints.json" |
+    tee "$out/cam01/evaluation.txt"
 else
   echo "No real data in $data (set MPC_DATA): the real clip is left out."
 fi
-echo "== Done. What to look at:"
+errors='^(MPJPE|PA-MPJPE|vertex error|IoU  )'
+echo "== Done. Errors of the synthetic clip, all of them in $out/synth/evaluation.txt:"
+grep -E "$errors" "$out/synth/evaluation.txt"
+if [ -d "$clip" ]; then
+  echo "Of the real clip, all of them in $out/cam01/evaluation.txt:"
+  grep -E "$errors" "$out/cam01/evaluation.txt"
+fi
+echo "== What to look at:"
 echo "  $out/synth/clip.mp4                    the clip, made with exact truth"
 echo "  $out/synth/take/overlay.mp4            the captured surface and skeleton over it"
 echo "  $out/synth/take/evaluation.html        the errors over time, and the worst frames"

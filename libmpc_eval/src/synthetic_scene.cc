@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <opencv2/imgproc.hpp>
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "actor_surface.h"
@@ -73,45 +73,54 @@ SceneMoment Around(const SceneMoment& previous, const SceneMoment& current, cons
   return t < 0 ? Between(current, previous, -t) : Between(current, next, t);
 }
 
-constexpr float kReachMarginM = 0.35f;  // of a body's darkness around it, and of the lamp's size
-constexpr int kReachMarginPx = 3;
+constexpr float kShadeMarginM = 0.06f;    // of a shadow around a body, for the lamp's size
+constexpr float kContactMarginM = 0.35f;  // of its darkness on the floor
 
-// The part of the picture that a moving body can cover or shade: its box, and where the lamp throws
-// that onto the floor. A shadow on anything else lies on the way there.
-cv::Rect Reach(const Camera& camera, const Eigen::Vector3d& lamp,
-               const Eigen::Matrix3Xf& positions) {
-  const Eigen::Vector3f least = positions.rowwise().minCoeff().array() - kReachMarginM;
-  const Eigen::Vector3f most = positions.rowwise().maxCoeff().array() + kReachMarginM;
-  Eigen::Matrix3Xf points(3, 16);
-  for (int i = 0; i < 8; ++i) {
-    const Eigen::Vector3d corner((i & 1 ? most : least).x(), (i & 2 ? most : least).y(),
-                                 (i & 4 ? most : least).z());
-    points.col(2 * i) = corner.cast<float>();
-    const double to_floor = lamp.y() / (lamp.y() - corner.y());
-    points.col(2 * i + 1) = (lamp + to_floor * (corner - lamp)).cast<float>();
+// Draws the convex hull of points of the world onto a mask, a few pixels wider.
+void FillHull(const Camera& camera, const Eigen::Matrix3Xf& points, cv::Mat* mask) {
+  constexpr double kNearM = 0.01;
+  constexpr float kFarPx = 30000;  // as far as OpenCV draws polygons
+  std::vector<cv::Point2f> pixels;
+  const Eigen::Matrix3Xf in_camera = ToCamera(camera.camera_from_world, points);
+  for (const auto& x : in_camera.colwise()) {
+    Eigen::Vector2d pixel;
+    if (x.z() < kNearM || !Project(camera, x.cast<double>(), &pixel)) {
+      mask->setTo(255);
+      return;
+    }
+    for (const float dx : {-3.0f, 3.0f}) {
+      for (const float dy : {-3.0f, 3.0f}) {
+        pixels.emplace_back(std::clamp(static_cast<float>(pixel.x()) + dx, -kFarPx, kFarPx),
+                            std::clamp(static_cast<float>(pixel.y()) + dy, -kFarPx, kFarPx));
+      }
+    }
   }
-  const cv::Rect rect = ProjectedBounds(camera, ToCamera(camera.camera_from_world, points));
-  const cv::Point margin(kReachMarginPx, kReachMarginPx);
-  return cv::Rect(rect.tl() - margin, rect.br() + margin) &
-         cv::Rect(0, 0, camera.width, camera.height);
+  std::vector<cv::Point2f> hull;
+  cv::convexHull(pixels, hull);
+  cv::fillConvexPoly(*mask, std::vector<cv::Point>(hull.begin(), hull.end()), 255);
 }
 
-// Rectangles that do not overlap and cover all of these.
-std::vector<cv::Rect> Disjoint(const std::vector<cv::Rect>& rects) {
-  std::vector<cv::Rect> disjoint;
-  for (cv::Rect rect : rects) {
-    for (size_t i = 0; i < disjoint.size();) {
-      if ((rect & disjoint[i]).empty()) {
-        ++i;
-        continue;
-      }
-      rect |= disjoint[i];
-      disjoint.erase(disjoint.begin() + static_cast<std::ptrdiff_t>(i));
-      i = 0;  // the larger one against all again
-    }
-    if (!rect.empty()) disjoint.push_back(rect);
+// Marks the part of the picture that a moving body can cover or shade: its box and where the lamp
+// throws that onto the floor (a shadow on anything else lies on the way there), and the floor beside
+// it, which it darkens.
+void MarkReach(const Camera& camera, const Eigen::Vector3d& lamp, const Eigen::Matrix3Xf& positions,
+               cv::Mat* mask) {
+  const Eigen::Vector3f least = positions.rowwise().minCoeff();
+  const Eigen::Vector3f most = positions.rowwise().maxCoeff();
+  Eigen::Matrix3Xf box(3, 16), floor(3, 4);
+  for (int i = 0; i < 8; ++i) {
+    const auto corner = [&](float margin) {
+      return Eigen::Vector3f((i & 1) != 0 ? most.x() + margin : least.x() - margin,
+                             (i & 2) != 0 ? most.y() + margin : least.y() - margin,
+                             (i & 4) != 0 ? most.z() + margin : least.z() - margin);
+    };
+    box.col(2 * i) = corner(kShadeMarginM);
+    const Eigen::Vector3d x = box.col(2 * i).cast<double>();
+    box.col(2 * i + 1) = (lamp + lamp.y() / (lamp.y() - x.y()) * (x - lamp)).cast<float>();
+    floor.col(i / 4 * 2 + i % 2) = corner(kContactMarginM).cwiseProduct(Eigen::Vector3f(1, 0, 1));
   }
-  return disjoint;
+  FillHull(camera, box, mask);
+  FillHull(camera, floor, mask);
 }
 
 std::vector<const TriangleMesh*> Bodies(const std::vector<LitMesh>& meshes) {
@@ -213,28 +222,28 @@ struct SyntheticScene::Impl {
            pose.translation == at_rest->camera_from_world.translation;
   }
 
-  // What moves may be seen there while the shutter is open.
-  std::vector<cv::Rect> MovingParts(const SceneMoment& previous, const SceneMoment& current,
-                                    const SceneMoment& next, double seconds, double fps) const {
+  // 255 where what moves may be seen while the shutter is open.
+  cv::Mat MovingPart(const SceneMoment& previous, const SceneMoment& current,
+                     const SceneMoment& next, double seconds, double fps) const {
     const Eigen::Vector3d& lamp = place.lighting.lamp_in_world;
-    cv::Rect actor_reach;
-    for (const SceneMoment* moment : {&previous, &current, &next}) {
-      actor_reach |= Reach(*at_rest, lamp, moment->vertices);
-    }
-    std::vector<cv::Rect> rects = {actor_reach};
+    cv::Mat part = cv::Mat::zeros(at_rest->height, at_rest->width, CV_8UC1);
+    const auto mark = [&](const Eigen::Matrix3Xf& a, const Eigen::Matrix3Xf& b,
+                          const Eigen::Matrix3Xf& c) {
+      Eigen::Matrix3Xf all(3, a.cols() + b.cols() + c.cols());
+      all << a, b, c;
+      MarkReach(*at_rest, lamp, all, &part);
+    };
+    mark(previous.vertices, current.vertices, next.vertices);
     for (const Mover& mover : place.movers) {
-      cv::Rect reach;
-      for (const double t : {seconds - 0.5 / fps, seconds, seconds + 0.5 / fps}) {
-        reach |= Reach(*at_rest, lamp, mover.At(t).mesh.positions);
-      }
-      rects.push_back(reach);
+      const auto at = [&](double t) { return mover.At(seconds + t / fps).mesh.positions; };
+      mark(at(-0.5), at(0), at(0.5));
     }
-    return Disjoint(rects);
+    return part;
   }
 
-  // Into these parts of the sum.
+  // Where `part` says; empty: everywhere.
   void AddSample(const Camera& camera, const SceneMoment& moment, double seconds, size_t i,
-                 const std::vector<cv::Rect>& parts, cv::Mat* sum) const {
+                 const cv::Mat& part, cv::Mat* sum) const {
     const std::vector<LitMesh> body = actor.At(moment.vertices);
     std::vector<LitMesh> moving;
     for (const Mover& mover : place.movers) moving.push_back(mover.At(seconds));
@@ -251,11 +260,8 @@ struct SyntheticScene::Impl {
     for (const ShadowMap& map : shadows) scene.shadows.push_back(&map);
     for (const LitMesh& lit : moving) scene.place.push_back(&lit);
     for (const LitMesh& lit : body) scene.bodies.push_back(&lit);
-    const Camera shifted = Shifted(camera, moment.camera_from_world, samples[i]);
-    for (const cv::Rect& part : parts) {
-      cv::Mat there = (*sum)(part);
-      AddLitPicture(CroppedTo(shifted, part), scene, &there);
-    }
+    scene.part = part;
+    AddLitPicture(Shifted(camera, moment.camera_from_world, samples[i]), scene, sum);
   }
 };
 
@@ -272,16 +278,15 @@ cv::Mat SyntheticScene::Picture(const Camera& camera, const SceneMoment& previou
                                 const SceneMoment& current, const SceneMoment& next, int frame,
                                 double fps) const {
   cv::Mat sum = cv::Mat::zeros(camera.height, camera.width, CV_32FC4);
-  std::vector<cv::Rect> parts = {cv::Rect(0, 0, camera.width, camera.height)};
+  cv::Mat part;
   if (impl_->IsAtRest(camera, previous) && impl_->IsAtRest(camera, current) &&
       impl_->IsAtRest(camera, next)) {
-    parts = impl_->MovingParts(previous, current, next, frame / fps, fps);
-    impl_->still.copyTo(sum);
-    for (const cv::Rect& part : parts) sum(part).setTo(0);
+    part = impl_->MovingPart(previous, current, next, frame / fps, fps);
+    impl_->still.copyTo(sum, part == 0);
   }
   for (size_t i = 0; i < impl_->samples.size(); ++i) {
     const double t = impl_->options.shutter * impl_->samples[i].time;
-    impl_->AddSample(camera, Around(previous, current, next, t), (frame + t) / fps, i, parts, &sum);
+    impl_->AddSample(camera, Around(previous, current, next, t), (frame + t) / fps, i, part, &sum);
   }
   cv::Mat picture = Developed(sum, impl_->options.samples);
   AddSensorNoise(impl_->options.sensor_noise, impl_->options.seed, frame, &picture);

@@ -37,14 +37,19 @@ void CheckArguments(const Camera& camera, const LitScene& scene, const cv::Mat& 
     fail(fmt::format("a sum of {} x {} and type {} for a camera of {} x {}", sum.cols, sum.rows,
                      sum.type(), camera.width, camera.height));
   }
+  if (!scene.part.empty() && (scene.part.type() != CV_8UC1 || scene.part.size() != sum.size())) {
+    fail(fmt::format("a part of {} x {} and type {} of a picture of {} x {}", scene.part.cols,
+                     scene.part.rows, scene.part.type(), sum.cols, sum.rows));
+  }
   for (const LitMesh* lit : scene.place) CheckMesh(*lit);
   for (const LitMesh* lit : scene.bodies) CheckMesh(*lit);
 }
 
-// Adds the pixels of one layer that `hidden` (ids of the layer in front; may be empty) leaves.
+// Adds the pixels of one layer within `part` (empty: all) that `hidden` (ids of the layer in front;
+// may be empty) leaves.
 void AddLayer(const Camera& camera, const LitScene& scene, const DrawList& list,
-              const RasterBuffers& buffers, const cv::Mat& hidden, const cv::Rect& hidden_bounds,
-              cv::Mat sum) {
+              const RasterBuffers& buffers, const cv::Mat& part, const cv::Mat& hidden,
+              const cv::Rect& hidden_bounds, cv::Mat sum) {
   PixelShader shader(camera, list, scene);
   for (int y = 0; y < camera.height; ++y) {
     const int* ids = buffers.triangle_id.ptr<int>(y);
@@ -55,7 +60,9 @@ void AddLayer(const Camera& camera, const LitScene& scene, const DrawList& list,
         crosses ? hidden.ptr<int>(y - hidden_bounds.y) - hidden_bounds.x : nullptr;
     const int begin = crosses ? hidden_bounds.x : camera.width;
     const int end = crosses ? hidden_bounds.x + hidden_bounds.width : camera.width;
+    const uchar* wanted = part.empty() ? nullptr : part.ptr(y);
     const auto seen = [&](int x) {
+      if (wanted != nullptr && wanted[x] == 0) return -1;
       return x >= begin && x < end && in_front[x] >= 0 ? -1 : ids[x];
     };
     for (int x = 0; x < camera.width;) {
@@ -86,12 +93,13 @@ void AddLitPicture(const Camera& camera, const LitScene& scene, cv::Mat* sum) {
   if (!bounds.empty()) {
     const Camera crop = CroppedTo(camera, bounds);
     RasterizeMesh(crop, bodies.positions, bodies.triangles, {}, &front);
-    AddLayer(crop, scene, bodies, front, {}, {}, (*sum)(bounds));
+    const cv::Mat part = scene.part.empty() ? cv::Mat() : scene.part(bounds);
+    AddLayer(crop, scene, bodies, front, part, {}, {}, (*sum)(bounds));
   }
   const DrawList place = MakeDrawList(camera, scene.place);
   RasterBuffers behind;
   RasterizeMesh(camera, place.positions, place.triangles, {}, &behind);
-  AddLayer(camera, scene, place, behind, front.triangle_id, bounds, *sum);
+  AddLayer(camera, scene, place, behind, scene.part, front.triangle_id, bounds, *sum);
 }
 
 cv::Mat Developed(const cv::Mat& sum, int count) {

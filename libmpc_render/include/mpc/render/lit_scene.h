@@ -44,6 +44,7 @@ struct LitScene {
   Lighting lighting;
   std::vector<const ShadowMap*> shadows;  // of the lamp
   const ContactMap* contact = nullptr;
+  cv::Mat part;  // CV_8UC1 of the picture's size: only pixels that are not 0 are drawn; empty: all
 };
 
 // Adds the scene's picture to `sum` (CV_32FC4: linear b, g, r, and 0) of the camera's size; black

@@ -22,7 +22,7 @@ constexpr double kRejectedMm = 150;
 constexpr double kTypicalMm = 50;
 constexpr double kSwapFactor = 1.5;
 constexpr int kNumRounds = 3;
-constexpr double kRoughTolerance = 10;  // of all rounds but the last, times the options'
+constexpr double kRoughTolerance = 30;  // of all rounds but the last, times the options'
 
 class Stopwatch {
  public:

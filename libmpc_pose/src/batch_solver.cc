@@ -16,7 +16,7 @@ constexpr double kBoundSlack = 0.005;  // rad; less is clipped
 // Schur complements up to this size are factorised: at 33 dofs those of up to 9 basis vectors.
 constexpr int kMaxDirectSize = 300;
 // Conjugate gradients end at this residual, relative; all their iterates lower the model's cost.
-constexpr double kCoefficientTolerance = 1e-3;
+constexpr double kCoefficientTolerance = 1e-2;
 constexpr int kMaxCoefficientIterations = 500;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 

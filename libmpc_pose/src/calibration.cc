@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "mpc/core/thread_pool.h"
 #include "window_problem.h"

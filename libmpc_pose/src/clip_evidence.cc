@@ -463,7 +463,10 @@ void ClipEvidence::MeasureError3d() {
   depth_error_ratio_ = options_.depth_error_ratio;
   if (errors.empty()) return;
   const double error_mm = Median(&errors);
-  error_3d_mm_ = std::clamp(kErrorSpread * error_mm, kMinError3dMm, kMaxError3dMm);
+  // The distance holds the 2D detection's error too, which is at least this on each axis.
+  const double distance_mm = kErrorSpread * error_mm;
+  const double error2 = distance_mm * distance_mm - 2 * kMinError2dMm * kMinError2dMm;
+  error_3d_mm_ = std::clamp(std::sqrt(std::max(0.0, error2)), kMinError3dMm, kMaxError3dMm);
   if (across2.empty()) return;
   // Medians of |x|^2 for unit normals: 1.386 in two dimensions, 0.455 in one; a second difference of
   // white noise has six times its variance.

@@ -22,7 +22,7 @@ constexpr double kRejectedMm = 150;
 constexpr double kTypicalMm = 50;
 constexpr double kSwapFactor = 1.5;
 constexpr int kNumRounds = 3;
-constexpr double kRoughTolerance = 10;  // of all rounds but the last, times the options'
+constexpr double kRoughTolerance = 30;  // of all rounds but the last, times the options'
 
 class Stopwatch {
  public:
@@ -150,6 +150,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
   track.cancelled = initialization.cancelled;
 
   Stopwatch batch_watch;
+  const int num_threads = ResolveNumThreads(options.num_threads);
   const std::vector<Window> windows =
       MakeWindows(evidence.num_frames(), options.window_frames, options.overlap_frames);
   track.num_windows = static_cast<int>(windows.size());
@@ -168,7 +169,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     }
     if (round > 0 && options.fit_proportions) {
       const Stopwatch watch;
-      calibration.Step(windows, track.poses, options.num_threads, &evidence, &initialization);
+      calibration.Step(windows, track.poses, num_threads, &evidence, &initialization);
       track.seconds_calibration += watch.Seconds();
       if (progress && !progress({"proportions", round, num_rounds - 1})) track.cancelled = true;
     }
@@ -177,10 +178,10 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     if (round + 1 < num_rounds) solver.relative_tolerance *= kRoughTolerance;
     std::vector<Eigen::MatrixXd> solved(windows.size());
     // Groups of a few windows keep the threads busy and let the callback stop between them.
-    const int group = 4 * ResolveNumThreads(options.num_threads);
+    const int group = 4 * num_threads;
     for (int first = 0; first < track.num_windows && !track.cancelled; first += group) {
       const int count = std::min(group, track.num_windows - first);
-      ParallelFor(count, options.num_threads, [&](int i) {
+      ParallelFor(count, num_threads, [&](int i) {
         const Window& window = windows[first + i];
         const BatchProblem problem =
             MakeWindowProblem(evidence, initialization, window, track.poses, before);

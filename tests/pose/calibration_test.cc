@@ -42,6 +42,24 @@ void ExpectProportions(const PoseTrack& track, const Proportions& known, double 
   }
 }
 
+TEST(CalibrationTest, ARescaledObservationIsTheOneOfTheOtherSkeleton) {
+  const testing::SyntheticClip clip =
+      testing::MakeClip(MotionKind::kReach, 5, 30, DetectionNoise::White(5, 60, 0, 0.2), 3);
+  const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
+                              &clip.detections.detections3d, clip.fps, testing::PlainOptions());
+  const ClipEvidence other =
+      evidence.ForSkeleton(ScaledSkeleton(clip.skeleton, LongTorsoAndThighs()));
+  for (int f = 0; f < 5; ++f) {
+    const FrameObservation rescaled = other.Rescaled(evidence.Observe(f));
+    const FrameObservation observed = other.Observe(f);
+    EXPECT_NEAR(rescaled.scale_3d, observed.scale_3d, 1e-12);
+    ASSERT_EQ(rescaled.bone, observed.bone);
+    for (size_t i = 0; i < observed.bone.size(); ++i) {
+      EXPECT_LT((rescaled.bone_vector[i] - observed.bone_vector[i]).norm(), 1e-12);
+    }
+  }
+}
+
 TEST(CalibrationTest, FindsKnownProportions) {
   const Proportions known = LongTorsoAndThighs();
   const Skeleton performer = ScaledSkeleton(DefaultSkeleton(), known);

@@ -21,9 +21,9 @@ using testing::MakeClip;
 using testing::SyntheticClip;
 
 constexpr double kFps = 30;
-constexpr int kFrames = 65;
-constexpr FrameRange kGap = {20, 50};
-constexpr int kThirdVisible = 52;
+constexpr int kFrames = 75;
+constexpr FrameRange kGap = {25, 55};
+constexpr int kThirdVisible = 57;
 constexpr double kSigmaPx = 5;
 constexpr double kSigmaMm = 30;
 constexpr MotionKind kMotions[] = {MotionKind::kWalk, MotionKind::kReach};
@@ -147,7 +147,7 @@ TEST(OcclusionTest, WithExactDetectionsErrorsAreBackByTheThirdVisibleFrame) {
 // White errors average out over the frames around, of which half are missing there: that loses even
 // the ideal smoother more than 10 %.
 TEST(OcclusionTest, WithNoiseErrorsAreBackAsSoonAsTheyCanBe) {
-  constexpr uint64_t kSeeds = 6;
+  constexpr uint64_t kSeeds = 10;
   const DetectionNoise noise = DetectionNoise::White(kSigmaPx, kSigmaMm, 0, 0);
   const double whole = ThirdVisibleFrame(noise, false, kSeeds);
   const double gap = ThirdVisibleFrame(noise, true, kSeeds);

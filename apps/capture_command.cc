@@ -27,7 +27,7 @@ struct Arguments {
   int num_threads = 0;
   bool no_overlay = false;
   bool no_masks = false;
-  bool person_masks = false;
+  bool no_person_masks = false;
   std::string refine = "surface";
   bool quiet = false;
 };
@@ -52,7 +52,7 @@ mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   options.height_m = arguments.height_m;
   options.overlay = !arguments.no_overlay;
   options.masks = !arguments.no_masks;
-  options.person_masks = arguments.person_masks;
+  options.person_masks = !arguments.no_person_masks && arguments.preset != "paper";
   options.refinement.frames.level = kLevels.at(arguments.refine);
   if (arguments.surface == "none") options.surface = mpc::SurfaceTargets::kNone;
   if (arguments.surface == "full") options.surface = mpc::SurfaceTargets::kFull;
@@ -142,8 +142,9 @@ Command AddCaptureCommand(CLI::App* parent) {
   app->add_flag("--no-masks", arguments->no_masks, "Find no silhouettes, and refine nothing")
       ->excludes(masks)
       ->excludes(true_masks);
-  app->add_flag("--person-masks", arguments->person_masks,
-                "Let the networks' masks of the person, too, decide on silhouettes");
+  app->add_flag(
+      "--no-person-masks", arguments->no_person_masks,
+      "Silhouettes without the networks' masks of the person (off in the paper's preset)");
   app->add_option("--refine", arguments->refine,
                   "What is fitted to the silhouettes: nothing, the pose, or pose and surface")
       ->check(CLI::IsMember({"none", "pose", "surface"}))

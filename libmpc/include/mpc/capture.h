@@ -45,11 +45,11 @@ enum class SurfaceTargets {
 };
 
 struct CaptureOptions {
-  PoseOptions pose;           // its num_threads serves every stage
-  double height_m = 0;        // the actor is first scaled to this height at bind; 0: as in the file
-  bool overlay = true;        // write overlay.mp4
-  bool masks = true;          // find silhouettes, refine what they show, write masks.mp4
-  bool person_masks = false;  // the networks' masks, where they are run, help to find silhouettes
+  PoseOptions pose;          // its num_threads serves every stage
+  double height_m = 0;       // the actor is first scaled to this height at bind; 0: as in the file
+  bool overlay = true;       // write overlay.mp4
+  bool masks = true;         // find silhouettes, refine what they show, write masks.mp4
+  bool person_masks = true;  // the networks' masks, where they are run, help to find silhouettes
   ClipDetectorOptions detect;        // when no detections are given
   ClipRefinementOptions refinement;  // its num_threads is that of `pose`
   SurfaceTargets surface = SurfaceTargets::kKey;

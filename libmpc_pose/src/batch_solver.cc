@@ -399,8 +399,8 @@ ReducedSystem ReduceBatch(const BatchProblem& problem, const Eigen::MatrixXd& po
   const Eigen::VectorXd lower = problem.skeleton.LowerBounds();
   const Eigen::VectorXd upper = problem.skeleton.UpperBounds();
   FrameScratch scratch;
-  const ReducedSystem nothing = {Eigen::MatrixXd::Zero(num_parameters, num_parameters),
-                                 Eigen::VectorXd::Zero(num_parameters)};
+  ReducedSystem nothing = {Eigen::MatrixXd::Zero(num_parameters, num_parameters),
+                           Eigen::VectorXd::Zero(num_parameters)};
   if (!std::isfinite(current.Evaluate(&scratch))) return nothing;
 
   ReducedSystem reduced = nothing;

@@ -6,14 +6,18 @@
 
 namespace mpc::internal {
 
-ClipReader::ClipReader(const PosedClip& clip)
-    : clip_(clip), video_(clip.video, clip.image_fps), num_frames_(clip.poses.cols()) {
-  if (video_.width() != clip.camera.width || video_.height() != clip.camera.height) {
-    throw Error(
-        ErrorCode::kMismatch,
-        fmt::format("{} is {} x {}, the camera {} x {}", clip.video.string(), video_.width(),
-                    video_.height(), clip.camera.width, clip.camera.height));
+VideoReader OpenVideo(const PosedClip& clip) {
+  VideoReader video(clip.video, clip.image_fps);
+  if (video.width() != clip.camera.width || video.height() != clip.camera.height) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("{} is {} x {}, the camera {} x {}", clip.video.string(), video.width(),
+                            video.height(), clip.camera.width, clip.camera.height));
   }
+  return video;
+}
+
+ClipReader::ClipReader(const PosedClip& clip)
+    : clip_(clip), video_(OpenVideo(clip)), num_frames_(clip.poses.cols()) {
   if (!clip.masks.empty()) masks_.emplace(clip.masks, video_.width(), video_.height());
   if (!clip.true_masks.empty()) truth_.emplace(clip.true_masks, video_.width(), video_.height());
 }

@@ -21,9 +21,12 @@ struct ClipFrame {
   cv::Mat truth;     // empty: none
 };
 
+// Throws Error: kMismatch for a video of another size than the camera, and what the reader throws.
+VideoReader OpenVideo(const PosedClip& clip);
+
 class ClipReader {
  public:
-  // Throws Error: kMismatch for a video of another size than the camera, and what the readers throw.
+  // Throws Error as OpenVideo, and what the readers of masks throw.
   explicit ClipReader(const PosedClip& clip);
 
   // Throws Error (kMismatch) when video or masks have fewer frames than the clip.

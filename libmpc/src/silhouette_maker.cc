@@ -22,7 +22,7 @@ SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions&
 }
 
 BackgroundPlate SilhouetteMaker::SeeBackground() const {
-  VideoReader video(clip_.video, clip_.image_fps);
+  VideoReader video = OpenVideo(clip_);
   const auto num_frames = static_cast<int>(clip_.poses.cols());
   const int num_samples = std::min(num_frames, kMaxPlateSamples);
   std::vector<PlateSample> samples;

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The whole check of the project, from a fresh Debian 12 machine on: installs what is missing,
-# builds with warnings as errors, runs every test (unit, slow, data, blender), the unit tests under
-# AddressSanitizer and UBSan, and the project's own checks (headers, consumers, format, docs).
+# builds with warnings as errors, runs every test (unit, slow, data, blender), most unit tests under
+# AddressSanitizer and UBSan (sanitized_tests), and the project's own checks (headers, consumers, format, docs).
 # The last line is ctest's summary. Real data: MPC_DATA, else ../shared/data, else skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -25,7 +25,7 @@ fi
 cmake --preset release -DMPC_PROJECT_TESTS=ON "${launcher[@]}"
 cmake --build --preset release -j "$jobs"
 cmake --preset asan "${launcher[@]}"
-cmake --build --preset asan -j "$jobs" --target unit_tests
+cmake --build --preset asan -j "$jobs" --target sanitized_tests
 
 log=build/test.log
 status=0

@@ -1,5 +1,5 @@
 // Real pictures with hand-made masks (DAVIS "breakdance"). The model's masks are simulated from the
-// true ones. Every sixth frame; MPC_SEG_STRIDE=2 takes every second, as docs/segmentation.md does.
+// true ones. Every twelfth frame; MPC_SEG_STRIDE=4 takes every fourth, as docs/segmentation.md does.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -38,7 +38,7 @@ struct ClipFrame {
 
 int Stride() {
   const char* stride = std::getenv("MPC_SEG_STRIDE");
-  return stride != nullptr ? std::max(1, std::atoi(stride)) : 6;
+  return stride != nullptr ? std::max(1, std::atoi(stride)) : 12;
 }
 
 // The clip as it is, or as a camera sees it that pans over it. `similar`: colours drawn together,

@@ -32,6 +32,7 @@ if(TARGET mpc::mpc)
   mpc_add_project_test(project.subdirectory_consumer
     ${CMAKE_CTEST_COMMAND} --build-and-test ${CMAKE_CURRENT_LIST_DIR}/subdirectory_consumer
       ${PROJECT_BINARY_DIR}/subdirectory_consumer --build-generator ${CMAKE_GENERATOR}
+      --build-target consumer
       --build-options -DMPC_SOURCE_DIR=${PROJECT_SOURCE_DIR} -DCMAKE_BUILD_TYPE=Release
       -DMPC_WERROR=${MPC_WERROR} -DCMAKE_CXX_COMPILER_LAUNCHER=${CMAKE_CXX_COMPILER_LAUNCHER}
       --test-command consumer)

@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # The whole check of the project, from a fresh Debian 12 machine on: installs what is missing,
 # builds with warnings as errors, runs every test (unit, slow, data, blender), most unit tests under
-# AddressSanitizer and UBSan (sanitized_tests), and the project's own checks (headers, consumers, format, docs).
+# AddressSanitizer and UBSan (sanitized_tests), and the project's own checks (headers, consumers,
+# format, docs).
 # The last line is ctest's summary. Real data: MPC_DATA, else ../shared/data, else skipped.
 set -euo pipefail
 cd "$(dirname "$0")/.."

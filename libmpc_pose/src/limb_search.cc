@@ -210,7 +210,7 @@ void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initia
   const int num_frames = static_cast<int>(poses->cols());
   const std::vector<Limb> limbs = MakeLimbs(evidence.skeleton());
   std::vector<std::vector<Candidates>> candidates(num_frames);
-  ParallelFor(num_frames, ResolveNumThreads(evidence.options().num_threads), [&](int f) {
+  ParallelFor(num_frames, evidence.options().num_threads, [&](int f) {
     if (!initialization.observed[f]) return;
     for (const Limb& limb : limbs) {
       candidates[f].push_back(

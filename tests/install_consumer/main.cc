@@ -3,7 +3,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "mpc/mpc.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skeleton.h"
 

@@ -328,6 +328,7 @@ class Extraction {
       background_model_.emplace(other_colours, options_.num_components, small().size(), reach);
       colour_odds_.emplace(*actor_model_, *background_model_,
                            options_.band_colours ? kOutlierShare : 0, !options_.coarse_to_fine);
+      ReadColours();
       SetLogOdds(0, {}, &problem);
       labels_ = SolveGridCut(problem).labels;
     }
@@ -349,11 +350,22 @@ class Extraction {
     for (int y = 0; y < sure.rows; ++y) {
       for (int x = 0; x < sure.cols; ++x) {
         if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + ColoursOdds(small().ptr<cv::Vec3b>(y)[x], 0, {x, y});
+        const float odds = evidence_(y, x) + colours_(y, x);
         if ((labels_.ptr(y)[x] ? odds : -odds) > kSureOdds) sure.ptr(y)[x] = 255;
       }
     }
     return sure;
+  }
+
+  // What the colours of the small size's unknown pixels say.
+  void ReadColours() {
+    colours_.create(small().size());
+    for (int y = 0; y < colours_.rows; ++y) {
+      for (int x = 0; x < colours_.cols; ++x) {
+        if (!IsUnknown(trimap_.ptr(y)[x])) continue;
+        colours_(y, x) = ColoursOdds(small().ptr<cv::Vec3b>(y)[x], 0, {x, y});
+      }
+    }
   }
 
   // All log-odds of the unknown pixels of a picture 2^shift times the small one, offset by `at`.
@@ -367,7 +379,9 @@ class Extraction {
       for (int x = 0; x < problem->bgr.cols; ++x) {
         if (!IsUnknown(trimap[x])) continue;
         const int i = (x + at.x) >> shift;
-        odds[x] = shape[i] + evidence[i] + ColoursOdds(bgr[x], shift, {x + at.x, y + at.y});
+        const float colours =
+            shift == 0 ? colours_(y + at.y, i) : ColoursOdds(bgr[x], shift, {x + at.x, y + at.y});
+        odds[x] = shape[i] + evidence[i] + colours;
       }
     }
   }
@@ -393,7 +407,7 @@ class Extraction {
     for (int y = 0; y < trimap_.rows; ++y) {
       for (int x = 0; x < trimap_.cols; ++x) {
         if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + ColoursOdds(small().ptr<cv::Vec3b>(y)[x], 0, {x, y});
+        const float odds = evidence_(y, x) + colours_(y, x);
         agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
         ++num_unknown;
       }
@@ -452,6 +466,7 @@ class Extraction {
   cv::Mat1f shape_;     // log-odds from the shape of M
   cv::Mat1f evidence_;  // log-odds from stillness and the caller's probability
   cv::Mat change_;      // SquaredChange; empty: no motion cue
+  cv::Mat1f colours_;   // log-odds of the unknown pixels' colours
   cv::Mat labels_;      // 1 inside; grows to full size
 
   std::optional<LocalColourModel> actor_model_;

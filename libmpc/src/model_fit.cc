@@ -7,8 +7,7 @@
 #include "mpc/core/thread_pool.h"
 #include "mpc/eval/metrics.h"
 #include "mpc/render/model_mask.h"
-#include "mpc/skeleton/kinematics.h"
-#include "mpc/skeleton/skinning.h"
+#include "silhouette_maker.h"
 
 namespace mpc::internal {
 namespace {
@@ -27,12 +26,7 @@ std::vector<double> ModelFit(const Character& character, const Camera& camera,
                           std::numeric_limits<double>::quiet_NaN());
   ParallelFor(static_cast<int>(masks.size()), num_threads, [&](int i) {
     const PersonMask& mask = masks[static_cast<size_t>(i)];
-    KinematicState state;
-    ForwardKinematics(character.skeleton, poses.col(mask.frame), &state);
-    Eigen::Matrix3Xf vertices;
-    SkinCharacter(character, state, &vertices);
-    cv::Mat model;
-    ModelMask(camera, vertices, topology, &model);
+    const cv::Mat model = PosedModelMask(character, camera, topology, poses.col(mask.frame));
     iou[static_cast<size_t>(mask.frame)] = MaskIou(model, PictureMask(mask, model.size()) > 127);
   });
   return iou;

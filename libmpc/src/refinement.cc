@@ -46,10 +46,10 @@ double ThreadSeconds() {
 
 class Stage {
  public:
-  Stage(const PosedClip& clip, const ClipRefinementOptions& options)
+  Stage(const PosedClip& clip, const ClipRefinementOptions& options, BackgroundPlate background)
       : clip_(clip),
         options_(options),
-        maker_(clip, options.silhouettes),
+        maker_(clip, options.silhouettes, std::move(background)),
         refiner_(clip.character, options.frames) {}
 
   Result Process(const internal::ClipFrame& frame, CorrespondenceScratch* scratch) const {
@@ -107,12 +107,15 @@ class Stage {
 ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& options,
                           const RefinementSink& sink, const ProgressCallback& progress) {
   options.Validate();
-  const Stage stage(clip, options);
+  std::optional<BackgroundPlate> background =
+      internal::SeeBackground(clip, options.silhouettes, "refinement", progress);
+  ClipRefinement refinement;
+  refinement.poses = clip.poses;
+  if (!background) return refinement;
+  const Stage stage(clip, options, std::move(*background));
   RefinementSmoother smoother(clip.character, options.smoothing);
   const int num_frames = static_cast<int>(clip.poses.cols());
   const int num_threads = options.silhouettes.num_threads;
-  ClipRefinement refinement;
-  refinement.poses.resize(clip.poses.rows(), clip.poses.cols());
 
   std::deque<Result> waiting;  // for the frames after them
   SmoothedFrame smoothed;

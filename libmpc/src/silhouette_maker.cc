@@ -1,6 +1,7 @@
 #include "silhouette_maker.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "mpc/eval/metrics.h"
 #include "mpc/render/raster.h"
@@ -13,33 +14,45 @@ constexpr int kMaxPlateSamples = 24;
 constexpr int kMaxPictureSide = 16384;  // of the rasteriser
 }  // namespace
 
-SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options)
-    : clip_(clip),
-      options_(options),
-      topology_(SurfaceTopology::FromMesh(clip.character.mesh)),
-      limbs_(FindLimbs(clip.character)) {
-  if (clip.masks.empty() && options.segmentation.weight_plate > 0) background_ = SeeBackground();
+cv::Mat PosedModelMask(const Character& character, const Camera& camera,
+                       const SurfaceTopology& topology, const Eigen::VectorXd& pose) {
+  KinematicState state;
+  ForwardKinematics(character.skeleton, pose, &state);
+  Eigen::Matrix3Xf vertices;
+  SkinCharacter(character, state, &vertices);
+  cv::Mat mask;
+  ModelMask(camera, vertices, topology, &mask);
+  return mask;
 }
 
-BackgroundPlate SilhouetteMaker::SeeBackground() const {
-  VideoReader video = OpenVideo(clip_);
-  const auto num_frames = static_cast<int>(clip_.poses.cols());
+std::optional<BackgroundPlate> SeeBackground(const PosedClip& clip,
+                                             const SilhouetteOptions& options, const char* stage,
+                                             const ProgressCallback& progress) {
+  if (!clip.masks.empty() || options.segmentation.weight_plate == 0) return BackgroundPlate();
+  VideoReader video = OpenVideo(clip);
+  const SurfaceTopology topology = SurfaceTopology::FromMesh(clip.character.mesh);
+  const auto num_frames = static_cast<int>(clip.poses.cols());
   const int num_samples = std::min(num_frames, kMaxPlateSamples);
   std::vector<PlateSample> samples;
   cv::Mat picture;
   for (int f = 0; static_cast<int>(samples.size()) < num_samples && video.Read(&picture); ++f) {
     // Evenly over the clip.
     if (f * num_samples / num_frames < static_cast<int>(samples.size())) continue;
-    KinematicState state;
-    ForwardKinematics(clip_.character.skeleton, clip_.poses.col(f), &state);
-    Eigen::Matrix3Xf vertices;
-    SkinCharacter(clip_.character, state, &vertices);
-    PlateSample& sample = samples.emplace_back();
-    sample.picture = picture.clone();
-    Model(vertices, &sample.model_mask);
+    if (progress && !progress({stage, 0, num_frames})) return std::nullopt;
+    samples.push_back({picture.clone(),
+                       PosedModelMask(clip.character, clip.camera, topology, clip.poses.col(f))});
   }
-  return samples.empty() ? BackgroundPlate() : MakeBackgroundPlate(samples, options_.num_threads);
+  if (samples.empty()) return BackgroundPlate();
+  return MakeBackgroundPlate(samples, options.num_threads);
 }
+
+SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options,
+                                 BackgroundPlate background)
+    : clip_(clip),
+      options_(options),
+      topology_(SurfaceTopology::FromMesh(clip.character.mesh)),
+      limbs_(FindLimbs(clip.character)),
+      background_(std::move(background)) {}
 
 void SilhouetteMaker::Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const {
   ModelMask(clip_.camera, vertices, topology_, mask);

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <vector>
 
 #include "clip_reader.h"
@@ -14,10 +15,21 @@
 
 namespace mpc::internal {
 
+// M of the actor in one of its poses.
+cv::Mat PosedModelMask(const Character& character, const Camera& camera,
+                       const SurfaceTopology& topology, const Eigen::VectorXd& pose);
+
+// What is behind the actor, from some pictures of the clip; empty where it is not asked for. Reports
+// the first step of `stage` for each of them; nothing when the callback stopped it.
+std::optional<BackgroundPlate> SeeBackground(const PosedClip& clip,
+                                             const SilhouetteOptions& options, const char* stage,
+                                             const ProgressCallback& progress);
+
 class SilhouetteMaker {
  public:
-  // Both must outlive it. Reads some pictures of the clip to see the background.
-  SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options);
+  // The first two must outlive it.
+  SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options,
+                  BackgroundPlate background);
 
   // M of a posed mesh (3xV, camera frame).
   void Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const;
@@ -28,7 +40,6 @@ class SilhouetteMaker {
                   const SegmentationOptions& segmentation) const;
 
  private:
-  BackgroundPlate SeeBackground() const;
   double CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const;
 
   const PosedClip& clip_;

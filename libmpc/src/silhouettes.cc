@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 #include "mpc/core/error.h"
 #include "mpc/skeleton/skinning.h"
 #include "silhouette_maker.h"
@@ -28,7 +30,10 @@ std::vector<SilhouetteRecord> ExtractSilhouettes(const PosedClip& clip,
                                                  const SilhouetteSink& sink,
                                                  const ProgressCallback& progress) {
   options.Validate();
-  const internal::SilhouetteMaker maker(clip, options);
+  std::optional<BackgroundPlate> background =
+      internal::SeeBackground(clip, options, "silhouettes", progress);
+  if (!background) return {};
+  const internal::SilhouetteMaker maker(clip, options, std::move(*background));
   const int num_frames = static_cast<int>(clip.poses.cols());
   struct Result {
     cv::Mat model;

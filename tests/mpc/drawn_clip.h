@@ -17,15 +17,20 @@
 namespace mpc::testing {
 
 struct DrawnClip {
-  explicit DrawnClip(int num_frames = 9) : camera(SmallCamera(kWidth, kHeight)) {
+  // The actor goes stride_m to the right from frame to frame, past the middle in the middle frame.
+  explicit DrawnClip(int num_frames = 9, double stride_m = 0)
+      : camera(SmallCamera(kWidth, kHeight)) {
     character = BuildCharacter(rig, MapRigByNames(rig));
     true_poses =
         TransformPoses(camera.camera_from_world.rotation, camera.camera_from_world.translation,
                        MakeMotion(character.skeleton, MotionKind::kReach, num_frames / kFps, kFps)
                            .leftCols(num_frames));
+    for (int f = 0; f < num_frames; ++f) {
+      true_poses(0, f) += stride_m * (f - 0.5 * (num_frames - 1));
+    }
     poses = true_poses;
     poses.row(0).array() += 0.02;  // to the right
-    cv::Mat background(kHeight, kWidth, CV_8UC3);
+    background.create(kHeight, kWidth, CV_8UC3);
     cv::RNG(3).fill(background, cv::RNG::NORMAL, 70, 8);
     MeshAppearance appearance;
     appearance.bgr = {120, 140, 230};
@@ -62,6 +67,7 @@ struct DrawnClip {
   Eigen::MatrixXd poses;
   std::filesystem::path video;
   std::filesystem::path true_masks;
+  cv::Mat background;
   std::vector<cv::Mat> truth;
 };
 

@@ -13,6 +13,7 @@
 #include "mpc/eval/metrics.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/take.h"
+#include "silhouette_maker.h"
 #include "support/expect_error.h"
 
 namespace mpc {
@@ -104,6 +105,44 @@ TEST_F(SilhouettesTest, DoNotDependOnTheNumberOfThreads) {
       EXPECT_EQ(many.records[f].confidence, one.records[f].confidence);
     }
   }
+}
+
+TEST_F(SilhouettesTest, SeeTheBackgroundWhereTheActorHasBeen) {
+  const DrawnClip walk(9, 0.25);
+  const std::optional<BackgroundPlate> plate =
+      internal::SeeBackground(walk.clip(), {}, "silhouettes", {});
+  ASSERT_TRUE(plate);
+  const cv::Mat known = plate->spread != BackgroundPlate::kUnknown;
+  EXPECT_GT(cv::countNonZero(known), 0.98 * static_cast<double>(known.total()));
+  cv::Mat difference;
+  cv::absdiff(plate->picture, walk.background, difference);
+  const cv::Scalar mean = cv::mean(difference, known);
+  EXPECT_LT((mean[0] + mean[1] + mean[2]) / 3, 8);  // the coder leaves little of the noise
+
+  // One who stays hides it.
+  const std::optional<BackgroundPlate> still =
+      internal::SeeBackground(clip_->clip(), {}, "silhouettes", {});
+  ASSERT_TRUE(still);
+  EXPECT_EQ(still->spread.at<uint8_t>(DrawnClip::kHeight / 2, DrawnClip::kWidth / 2),
+            BackgroundPlate::kUnknown);
+
+  // With masks of the user's own, and in the paper, nothing is looked at.
+  PosedClip given = walk.clip();
+  given.masks = walk.true_masks;
+  EXPECT_TRUE(internal::SeeBackground(given, {}, "silhouettes", {})->empty());
+  EXPECT_TRUE(
+      internal::SeeBackground(walk.clip(), SilhouetteOptions::Paper(), "silhouettes", {})->empty());
+}
+
+TEST_F(SilhouettesTest, StopBeforeTheFirstFrame) {
+  int num_calls = 0;
+  const Extraction result = Extract(clip_->clip(), {}, [&](const Progress& progress) {
+    EXPECT_EQ(progress.step, 0);
+    return ++num_calls < 3;
+  });
+  EXPECT_EQ(num_calls, 3);
+  EXPECT_TRUE(result.records.empty());
+  EXPECT_TRUE(result.masks.empty());
 }
 
 TEST_F(SilhouettesTest, OneFrameIsEnough) {

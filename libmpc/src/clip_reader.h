@@ -19,6 +19,8 @@ struct ClipFrame {
   cv::Mat previous;  // the picture before, for the first frame the next; empty if there is none
   cv::Mat given;     // the user's mask; empty: none
   cv::Mat truth;     // empty: none
+  // The background's motion where it is known.
+  std::optional<cv::Matx33d> previous_from_current;
 };
 
 // Throws Error: kMismatch for a video of another size than the camera, and what the reader throws.

@@ -52,7 +52,7 @@ class Stage {
         maker_(clip, options.silhouettes, std::move(background)),
         refiner_(clip.character, options.frames) {}
 
-  Result Process(const internal::ClipFrame& frame, CorrespondenceScratch* scratch) const {
+  Result Process(internal::ClipFrame frame, CorrespondenceScratch* scratch) const {
     Result result;
     double last_outline_s = 0;
     const auto outline = [&](const PosedActor& actor) {
@@ -67,6 +67,7 @@ class Stage {
         result.record.batch_true_iou = result.record.silhouette.model_true_iou;
       }
       result.silhouette = silhouette.mask;
+      if (silhouette.motion_cue) frame.previous_from_current = silhouette.previous_from_current;
       const Contour2d contour =
           IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
       last_outline_s = ThreadSeconds();

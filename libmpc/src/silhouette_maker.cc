@@ -76,6 +76,7 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
   input.skeleton_mask =
       SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
   input.background = background_;
+  input.previous_from_current = frame.previous_from_current;
   input.person_probability =
       PictureMask(clip_.person_masks, frame.index, clip_.person_gap, frame.picture.size());
   input.actor_size_px = CutOffActorSizePx(vertices);

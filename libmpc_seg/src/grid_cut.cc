@@ -28,6 +28,7 @@ constexpr std::array<Direction, 8> kDirections = {
 class ExpTable {
  public:
   ExpTable(double gamma, double beta, int max_x) {
+    if (gamma == 0) return;
     const double reach = beta > 0 ? std::min<double>(max_x, -std::log(kNoMoreThan) / beta) : 0;
     values_.resize(static_cast<size_t>(reach) + 1);
     for (size_t x = 0; x < values_.size(); ++x) {
@@ -50,10 +51,10 @@ class Links {
       : problem_(problem),
         has_motion_(!problem.change.empty() && problem.gamma_motion > 0),
         contrast_{ExpTable(problem.gamma, problem.beta, kMaxContrast),
-                  ExpTable(problem.gamma / std::sqrt(2.0), problem.beta, kMaxContrast)},
+                  ExpTable(diagonal() * problem.gamma, problem.beta, kMaxContrast)},
         // change holds |D|^2 / 3, so the sum of two of them times 3/2 is the mean |D|^2.
         motion_{ExpTable(gamma_motion(), 1.5 * problem.beta_motion, kMaxChange),
-                ExpTable(gamma_motion() / std::sqrt(2.0), 1.5 * problem.beta_motion, kMaxChange)} {}
+                ExpTable(diagonal() * gamma_motion(), 1.5 * problem.beta_motion, kMaxChange)} {}
 
   int32_t operator()(int x, int y, size_t direction) const {
     const Direction& d = kDirections[direction];
@@ -74,6 +75,7 @@ class Links {
   static constexpr int kMaxChange = 2 * 255 * 255;
 
   double gamma_motion() const { return has_motion_ ? problem_.gamma_motion : 0; }
+  double diagonal() const { return problem_.eight_connected ? std::sqrt(0.5) : 0; }
 
   const GridCutProblem& problem_;
   bool has_motion_;
@@ -101,10 +103,10 @@ int32_t ScaledLogOdds(const GridCutProblem& problem, int x, int y) {
 }
 
 struct Pixel {
-  int x;
-  int y;
-  int64_t odds;       // log-odds, with the links to decided neighbours
-  int64_t links = 0;  // sum over neighbours that are not decided
+  int16_t x;
+  int16_t y;
+  int32_t odds;       // log-odds, with the links to decided neighbours
+  int32_t links = 0;  // sum over neighbours that are not decided
   bool decided = false;
 };
 
@@ -160,6 +162,9 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
   };
   std::vector<Pixel> pixels;
   std::vector<Neighbour> neighbours;  // `degree` per pixel
+  const int num_unknown = cv::countNonZero(problem.trimap >= kTrimapUnknownBackground);
+  pixels.reserve(static_cast<size_t>(num_unknown));
+  neighbours.resize(static_cast<size_t>(num_unknown) * degree);
   // Links of every unknown pixel; those to known pixels are as good as log-odds. A pair of unknown
   // pixels is linked when the later one is reached; `here` and `above` hold the pixels of two rows.
   const Links link_of(problem);
@@ -171,8 +176,8 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
          x = NextUnknown(trimap, x + 1, size.width)) {
       const auto p = static_cast<int32_t>(pixels.size());
       here[static_cast<size_t>(x)] = p;
-      Pixel& pixel = pixels.emplace_back(Pixel{x, y, ScaledLogOdds(problem, x, y)});
-      neighbours.resize(neighbours.size() + degree);
+      Pixel& pixel = pixels.emplace_back(
+          Pixel{static_cast<int16_t>(x), static_cast<int16_t>(y), ScaledLogOdds(problem, x, y)});
       for (size_t d = 0; d < degree; ++d) {
         const int qx = x + kDirections[d].dx;
         const int qy = y + kDirections[d].dy;
@@ -193,7 +198,7 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
       }
     }
   }
-  result.num_unknown = static_cast<int>(pixels.size());
+  result.num_unknown = num_unknown;
 
   // Decide pixels that no labels of their neighbours could turn, which may decide those in turn.
   std::vector<int> pending(pixels.size());
@@ -228,16 +233,15 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
   MaxFlow flow(result.num_nodes);
   for (int n = 0; n < result.num_nodes; ++n) {
     const int p = nodes[static_cast<size_t>(n)];
-    const int64_t odds = pixels[static_cast<size_t>(p)].odds;
-    flow.AddTerminals(n, static_cast<int32_t>(std::max<int64_t>(odds, 0)),
-                      static_cast<int32_t>(std::max<int64_t>(-odds, 0)));
+    const int32_t odds = pixels[static_cast<size_t>(p)].odds;
+    flow.AddTerminals(n, std::max(odds, 0), std::max(-odds, 0));
     for (size_t d = 1; d < degree; d += 2) {
       const Neighbour& neighbour = neighbours[static_cast<size_t>(p) * degree + d];
       if (neighbour.pixel < 0 || node[static_cast<size_t>(neighbour.pixel)] < 0) continue;
       flow.AddEdge(n, node[static_cast<size_t>(neighbour.pixel)], neighbour.link, neighbour.link);
     }
   }
-  flow.Solve();
+  { flow.Solve(); }
   for (int n = 0; n < result.num_nodes; ++n) {
     const Pixel& pixel = pixels[static_cast<size_t>(nodes[static_cast<size_t>(n)])];
     result.labels.ptr(pixel.y)[pixel.x] = flow.OnSourceSide(n);

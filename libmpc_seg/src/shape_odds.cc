@@ -1,6 +1,7 @@
 #include "shape_odds.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
@@ -13,8 +14,34 @@ constexpr double kPriorPlaces = 10;  // with the whole outline's error, added to
 constexpr double kMinSigmaPx = 0.5;
 constexpr double kGrossShare = 0.05;
 
+constexpr double kCellsPerReach = 4;
+
 // Standard deviation of a Gaussian whose mean absolute value is one.
 const double kSigmaOfMean = std::sqrt(std::numbers::pi / 2);
+
+// Log-odds that a pixel is inside an outline that lies z standard deviations from it, if that is
+// where the outline is but for kGrossShare.
+class OutlineOdds {
+ public:
+  OutlineOdds() {
+    for (size_t i = 0; i < values_.size(); ++i) {
+      const double z = static_cast<double>(i) / kPerSigma;
+      const double inside = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+      values_[i] =
+          static_cast<float>(std::log((inside + kGrossShare) / (1 - inside + kGrossShare)));
+    }
+  }
+  float operator()(float z) const {
+    const float at = std::min(std::abs(z) * kPerSigma, static_cast<float>(values_.size() - 2));
+    const auto i = static_cast<size_t>(at);
+    const float odds = values_[i] + (at - static_cast<float>(i)) * (values_[i + 1] - values_[i]);
+    return z < 0 ? -odds : odds;
+  }
+
+ private:
+  static constexpr float kPerSigma = 64;
+  std::array<float, 6 * 64 + 1> values_;
+};
 
 }  // namespace
 
@@ -36,12 +63,16 @@ cv::Mat1f SignedDistance(const cv::Mat& mask) {
 
 cv::Mat1f MeasuredShapeOdds(const cv::Mat1f& distance, const cv::Mat& labels,
                             const cv::Mat& is_sure, double reach_px) {
-  cv::Mat1f error(labels.size(), 0.F), count(labels.size(), 0.F);
+  // Sums over cells, a few per reach.
+  const int cell_px = std::max(1, static_cast<int>(reach_px / kCellsPerReach));
+  const cv::Size cells((labels.cols + cell_px - 1) / cell_px,
+                       (labels.rows + cell_px - 1) / cell_px);
+  cv::Mat1f error(cells, 0.F), count(cells, 0.F);
   const auto add = [&](const cv::Point& a, const cv::Point& b) {
     if ((labels.at<uint8_t>(a) != 0) == (labels.at<uint8_t>(b) != 0)) return;
     if (!is_sure.at<uint8_t>(a) || !is_sure.at<uint8_t>(b)) return;
-    error(a) += std::abs(distance(a) + distance(b)) / 2;
-    count(a) += 1;
+    error(a / cell_px) += std::abs(distance(a) + distance(b)) / 2;
+    count(a / cell_px) += 1;
   };
   for (int y = 0; y < labels.rows; ++y) {
     for (int x = 0; x < labels.cols; ++x) {
@@ -53,17 +84,21 @@ cv::Mat1f MeasuredShapeOdds(const cv::Mat1f& distance, const cv::Mat& labels,
   const double total = cv::sum(count)[0];
   if (total < kMinPlaces) return odds;
   const double mean = cv::sum(error)[0] / total;
-  cv::GaussianBlur(error, error, {}, reach_px, reach_px, cv::BORDER_CONSTANT);
-  cv::GaussianBlur(count, count, {}, reach_px, reach_px, cv::BORDER_CONSTANT);
-  const double prior = kPriorPlaces / (2 * std::numbers::pi * reach_px * reach_px);
-  for (int y = 0; y < odds.rows; ++y) {
-    for (int x = 0; x < odds.cols; ++x) {
+  const double reach = reach_px / cell_px;
+  cv::GaussianBlur(error, error, {}, reach, reach, cv::BORDER_CONSTANT);
+  cv::GaussianBlur(count, count, {}, reach, reach, cv::BORDER_CONSTANT);
+  const double prior = kPriorPlaces / (2 * std::numbers::pi * reach * reach);
+  cv::Mat1f per_sigma(cells);
+  for (int y = 0; y < cells.height; ++y) {
+    for (int x = 0; x < cells.width; ++x) {
       const double off = (error(y, x) + prior * mean) / (count(y, x) + prior);
-      const double sigma = std::max(kSigmaOfMean * off, kMinSigmaPx);
-      const double inside = 0.5 * std::erfc(-distance(y, x) / (sigma * std::numbers::sqrt2));
-      odds(y, x) =
-          static_cast<float>(std::log((inside + kGrossShare) / (1 - inside + kGrossShare)));
+      per_sigma(y, x) = static_cast<float>(1 / std::max(kSigmaOfMean * off, kMinSigmaPx));
     }
+  }
+  cv::resize(per_sigma, per_sigma, {}, cell_px, cell_px, cv::INTER_LINEAR);
+  const OutlineOdds odds_at;
+  for (int y = 0; y < odds.rows; ++y) {
+    for (int x = 0; x < odds.cols; ++x) odds(y, x) = odds_at(distance(y, x) * per_sigma(y, x));
   }
   return odds;
 }

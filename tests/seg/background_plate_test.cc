@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cstdlib>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
@@ -51,6 +53,38 @@ TEST(BackgroundPlate, IsWhatTheActorHides) {
   // Noise of 3 steps in each: of a median of nine far less is left.
   EXPECT_LT(MeanDifference(plate.picture, EmptyScene(), known), 3.2);
   EXPECT_NEAR(cv::mean(plate.spread)[0], 3, 1.5);
+}
+
+TEST(BackgroundPlate, IsTheMedianOfEveryPixel) {
+  cv::RNG rng(5);
+  for (const int count : {3, 4, 24}) {
+    std::vector<PlateSample> samples;
+    for (int i = 0; i < count; ++i) {
+      cv::Mat picture(7, 33, CV_8UC3);
+      rng.fill(picture, cv::RNG::UNIFORM, 0, 256);
+      samples.push_back({picture, cv::Mat(picture.size(), CV_8U, cv::Scalar(0))});
+    }
+    const BackgroundPlate plate = MakeBackgroundPlate(samples);
+    const auto median = [](std::vector<int> values) {
+      std::sort(values.begin(), values.end());
+      return values[values.size() / 2];
+    };
+    for (int i = 0; i < 7 * 33; ++i) {
+      const cv::Point at(i % 33, i / 33);
+      int spread = 0;
+      for (int c = 0; c < 3; ++c) {
+        std::vector<int> values;
+        for (const PlateSample& sample : samples) {
+          values.push_back(sample.picture.at<cv::Vec3b>(at)[c]);
+        }
+        const int middle = median(values);
+        EXPECT_EQ(plate.picture.at<cv::Vec3b>(at)[c], middle) << count << " samples";
+        for (int& value : values) value = std::abs(value - middle);
+        spread = std::max(spread, median(values));
+      }
+      EXPECT_EQ(plate.spread.at<uint8_t>(at), std::min(static_cast<int>(1.4826 * spread), 254));
+    }
+  }
 }
 
 TEST(BackgroundPlate, IsUnknownWhereTheActorAlwaysIs) {

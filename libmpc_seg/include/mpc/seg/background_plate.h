@@ -29,7 +29,7 @@ struct PlateSample {
 // M is near but elsewhere, if there are five and they agree. A pixel that M never leaves, or that
 // keeps changing (a moving camera, water), is unknown or has a large spread, and says nothing then.
 // Deterministic, identical for any number of threads. Throws Error (kInvalidArgument, kMismatch,
-// kUnsupported) for no samples and for what ExtractSilhouette would refuse.
+// kUnsupported) for no samples, for more than 255, and for what ExtractSilhouette would refuse.
 BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int num_threads = 1);
 
 }  // namespace mpc

@@ -13,6 +13,7 @@
 namespace mpc {
 namespace {
 
+constexpr double kMedianToSigma = 1.4826;  // of the sizes of a normal distribution's values
 constexpr double kPictureBorder_px = 2;
 constexpr double kAlwaysNear_px = 2;
 // Around the model, so that the border of the crop is never taken for the picture's.
@@ -244,7 +245,19 @@ Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& posit
   found.targets = silhouette.contour().points(Eigen::all, points);
   found.normals = silhouette.contour().normals(Eigen::all, points);
   found.weights = weights(kept);
+  const Eigen::Matrix2Xd way = outline.pixels(Eigen::all, kept) - found.targets;
+  found.distances =
+      way.cwiseProduct(found.normals).colwise().sum().transpose().cwiseQuotient(px_per_m(kept));
   return found;
+}
+
+double RobustScale(const Correspondences& correspondences, double deviations) {
+  if (correspondences.size() == 0) return 0;
+  std::vector<double> sizes;
+  for (const double distance : correspondences.distances) sizes.push_back(std::abs(distance));
+  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+  std::nth_element(sizes.begin(), middle, sizes.end());
+  return deviations * kMedianToSigma * *middle;
 }
 
 Correspondences FindCorrespondences(const Camera& camera,

@@ -14,6 +14,8 @@
 namespace mpc {
 namespace {
 
+constexpr double kLeastRobust_m = 0.01;
+
 // Moves the outline's pixels to where its vertices are now.
 void Reproject(const Camera& camera, const Eigen::Matrix3Xf& vertices, ModelBoundary* outline) {
   for (size_t i = 0; i < outline->vertices.size(); ++i) {
@@ -47,6 +49,7 @@ void PoseRefinementOptions::Validate() const {
   check(num_iterations >= 1, "num_iterations", num_iterations, "at least 1");
   check(weight_stab > 0 && std::isfinite(weight_stab), "weight_stab", weight_stab,
         "a positive number");
+  check(robust_deviations > 0, "robust_deviations", robust_deviations, "a positive number");
   check(robust_m >= 0 && std::isfinite(robust_m), "robust_m", robust_m, "at least 0");
   check(relative_tolerance > 0, "relative_tolerance", relative_tolerance, "a positive number");
   check(max_steps >= 1, "max_steps", max_steps, "at least 1");
@@ -110,8 +113,11 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
                                                           : RefinementState::kNoMatch;
       return result;
     }
-    const RefinementProblem problem(
-        *character_, ContourEnergy(camera, found, options_.robust_m * px_per_m), stability);
+    const double robust_m =
+        std::min(options_.robust_m,
+                 std::max(RobustScale(found, options_.robust_deviations), kLeastRobust_m));
+    const RefinementProblem problem(*character_, ContourEnergy(camera, found, robust_m * px_per_m),
+                                    stability);
     const RefinementSolve solve =
         SolveRefinement(problem, options_.relative_tolerance, options_.max_steps, &pose);
     if (solve.failed) {

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -10,10 +11,24 @@
 #include "mpc/deform/surface_solver.h"
 
 namespace mpc {
+namespace {
+
+constexpr double kLeastRobust_m = 0.04;
+
+void WeighByDistance(double deviations, Correspondences* correspondences) {
+  const double scale = std::max(RobustScale(*correspondences, deviations), kLeastRobust_m);
+  for (int c = 0; c < correspondences->size(); ++c) {
+    const double q = correspondences->distances[c] / scale;
+    correspondences->weights[c] /= (1 + q * q) * (1 + q * q);
+  }
+}
+
+}  // namespace
 
 SurfaceRefinementOptions SurfaceRefinementOptions::Paper() {
   SurfaceRefinementOptions options;
   options.depth_drift_weight = 0;
+  options.robust_deviations = 0;
   options.correspondences = CorrespondenceOptions::Paper();
   return options;
 }
@@ -30,6 +45,8 @@ void SurfaceRefinementOptions::Validate() const {
   }
   check(depth_drift_weight >= 0 && std::isfinite(depth_drift_weight), "depth_drift_weight",
         depth_drift_weight, "0 or more");
+  check(robust_deviations >= 0 && std::isfinite(robust_deviations), "robust_deviations",
+        robust_deviations, "0 or more");
   check(relative_tolerance > 0 && relative_tolerance < 1, "relative_tolerance", relative_tolerance,
         "0 to 1");
   check(max_steps >= 1, "max_steps", max_steps, "1 or more");
@@ -66,7 +83,7 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
   const ContourIndex index = IndexSilhouette(silhouette, camera);
   if (index.contour().points.cols() == 0) return result;
   for (const double arap_weight : options_.arap_weights) {
-    const Correspondences correspondences = FindCorrespondences(
+    Correspondences correspondences = FindCorrespondences(
         camera, result.vertices, topology_, parts_, index, options_.correspondences, scratch);
     if (correspondences.size() == 0) {
       if (result.state != RefinementState::kRefined) {
@@ -75,6 +92,8 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
       }
       break;
     }
+    if (options_.robust_deviations > 0)
+      WeighByDistance(options_.robust_deviations, &correspondences);
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
                                  {arap_weight, options_.depth_drift_weight});
     const SurfaceSolve solve =

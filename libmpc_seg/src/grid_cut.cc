@@ -67,6 +67,11 @@ class Links {
       link += motion_[diagonal](problem_.change.ptr<uint16_t>(y)[x] +
                                 problem_.change.ptr<uint16_t>(y + d.dy)[x + d.dx]);
     }
+    if (!problem_.strength.empty()) {
+      const float strength =
+          problem_.strength.ptr<float>(y)[x] + problem_.strength.ptr<float>(y + d.dy)[x + d.dx];
+      link = cvRound(0.5F * strength * static_cast<float>(link));
+    }
     return link;
   }
 

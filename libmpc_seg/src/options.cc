@@ -14,6 +14,7 @@ SegmentationOptions SegmentationOptions::Paper() {
   options.weight_shape = 0;
   options.weight_still = 0;
   options.weight_measured = 0;
+  options.outline_discount = 0;
   options.weight_plate = 0;
   options.num_components = 5;
   options.colour_reach = 0;
@@ -47,6 +48,7 @@ void SegmentationOptions::Validate() const {
   check("weight_shape", weight_shape, 0, 1e3);
   check("weight_still", weight_still, 0, 1e3);
   check("weight_measured", weight_measured, 0, 1e3);
+  check("outline_discount", outline_discount, 0, 1);
   check("weight_plate", weight_plate, 0, 1e3);
   check("weight_person", weight_person, 0, 1e3);
   check("colour_reach", colour_reach, 0, 10);

@@ -21,9 +21,9 @@ const double kSigmaOfMean = std::sqrt(std::numbers::pi / 2);
 
 // Log-odds that a pixel is inside an outline that lies z standard deviations from it, if that is
 // where the outline is but for kGrossShare.
-class OutlineOdds {
+class OddsTable {
  public:
-  OutlineOdds() {
+  OddsTable() {
     for (size_t i = 0; i < values_.size(); ++i) {
       const double z = static_cast<double>(i) / kPerSigma;
       const double inside = 0.5 * std::erfc(-z / std::numbers::sqrt2);
@@ -61,8 +61,8 @@ cv::Mat1f SignedDistance(const cv::Mat& mask) {
   return inside;
 }
 
-cv::Mat1f MeasuredShapeOdds(const cv::Mat1f& distance, const cv::Mat& labels,
-                            const cv::Mat& is_sure, double reach_px) {
+cv::Mat1f MeasurePrecision(const cv::Mat1f& distance, const cv::Mat& labels, const cv::Mat& is_sure,
+                           double reach_px) {
   // Sums over cells, a few per reach.
   const int cell_px = std::max(1, static_cast<int>(reach_px / kCellsPerReach));
   const cv::Size cells((labels.cols + cell_px - 1) / cell_px,
@@ -80,27 +80,44 @@ cv::Mat1f MeasuredShapeOdds(const cv::Mat1f& distance, const cv::Mat& labels,
       if (y + 1 < labels.rows) add({x, y}, {x, y + 1});
     }
   }
-  cv::Mat1f odds(labels.size(), 0.F);
   const double total = cv::sum(count)[0];
-  if (total < kMinPlaces) return odds;
+  if (total < kMinPlaces) return cv::Mat1f(labels.size(), 0.F);
   const double mean = cv::sum(error)[0] / total;
   const double reach = reach_px / cell_px;
   cv::GaussianBlur(error, error, {}, reach, reach, cv::BORDER_CONSTANT);
   cv::GaussianBlur(count, count, {}, reach, reach, cv::BORDER_CONSTANT);
   const double prior = kPriorPlaces / (2 * std::numbers::pi * reach * reach);
-  cv::Mat1f per_sigma(cells);
+  cv::Mat1f precision(cells);
   for (int y = 0; y < cells.height; ++y) {
     for (int x = 0; x < cells.width; ++x) {
       const double off = (error(y, x) + prior * mean) / (count(y, x) + prior);
-      per_sigma(y, x) = static_cast<float>(1 / std::max(kSigmaOfMean * off, kMinSigmaPx));
+      precision(y, x) = static_cast<float>(1 / std::max(kSigmaOfMean * off, kMinSigmaPx));
     }
   }
-  cv::resize(per_sigma, per_sigma, {}, cell_px, cell_px, cv::INTER_LINEAR);
-  const OutlineOdds odds_at;
+  cv::resize(precision, precision, {}, cell_px, cell_px, cv::INTER_LINEAR);
+  return precision(cv::Rect({}, labels.size()));
+}
+
+cv::Mat1f OutlineOdds(const cv::Mat1f& distance, const cv::Mat1f& precision) {
+  const OddsTable odds_at;
+  cv::Mat1f odds(distance.size());
   for (int y = 0; y < odds.rows; ++y) {
-    for (int x = 0; x < odds.cols; ++x) odds(y, x) = odds_at(distance(y, x) * per_sigma(y, x));
+    for (int x = 0; x < odds.cols; ++x) odds(y, x) = odds_at(distance(y, x) * precision(y, x));
   }
   return odds;
+}
+
+cv::Mat1f OutlineStrength(const cv::Mat1f& distance, const cv::Mat1f& precision, double discount,
+                          double sharp_px) {
+  cv::Mat1f strength(distance.size());
+  for (int y = 0; y < strength.rows; ++y) {
+    for (int x = 0; x < strength.cols; ++x) {
+      const double z = distance(y, x) * precision(y, x), sharp = sharp_px * precision(y, x);
+      strength(y, x) =
+          static_cast<float>(1 - discount * std::min(1.0, sharp * sharp) * std::exp(-0.5 * z * z));
+    }
+  }
+  return strength;
 }
 
 }  // namespace mpc

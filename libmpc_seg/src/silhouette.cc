@@ -24,6 +24,7 @@ constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours
 constexpr int kRefinePx = 2;            // around the outline, after each doubling of the size
 constexpr int kMaxColours = 4000;       // per colour model
 constexpr double kErrorReach = 0.15;    // M's error is measured over so many actor sizes
+constexpr double kSharpModel = 0.005;   // M is good when it is off by less, actor sizes; ours
 constexpr float kSureOdds = 2;
 constexpr size_t kMinColours = 8;
 constexpr double kOutlierShare = 0.02;
@@ -333,9 +334,12 @@ class Extraction {
       labels_ = SolveGridCut(problem).labels;
     }
     if (options_.weight_measured > 0) {
-      const double reach = std::ldexp(kErrorReach * actor_size_, -num_halvings_);
-      shape_ += options_.weight_measured *
-                MeasuredShapeOdds(distance_, labels_, PicturesCertainty(), reach);
+      const double small_size = std::ldexp(actor_size_, -num_halvings_);
+      const cv::Mat1f precision =
+          MeasurePrecision(distance_, labels_, PicturesCertainty(), kErrorReach * small_size);
+      shape_ += options_.weight_measured * OutlineOdds(distance_, precision);
+      problem.strength = OutlineStrength(distance_, precision, options_.outline_discount,
+                                         kSharpModel * small_size);
       SetLogOdds(0, {}, &problem);
       labels_ = SolveGridCut(problem).labels;
     }

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <random>
 
 #include "deform/posed_actor.h"
 #include "support/expect_error.h"
@@ -64,6 +65,32 @@ TEST_F(CorrespondencesTest, TheModelsOwnSilhouetteIsWhereItsOutlineIs) {
     sum += std::abs(found.normals.col(k).dot(pixel - found.targets.col(k)));
   }
   EXPECT_LT(sum / found.size(), 0.5);
+}
+
+TEST_F(CorrespondencesTest, DistancesAreInMetresAtTheVertex) {
+  const Correspondences found = Find(truth_, silhouette_);
+  const Eigen::Matrix3Xf vertices = testing::Vertices(Actor(), truth_);
+  ASSERT_EQ(found.distances.size(), found.size());
+  for (int k = 0; k < found.size(); ++k) {
+    const Eigen::Vector3d at = vertices.col(found.vertices[k]).cast<double>();
+    const double px =
+        found.normals.col(k).dot(testing::PixelOf(camera_, at) - found.targets.col(k));
+    EXPECT_NEAR(found.distances[k], px * at.z() / std::max(camera_.fx, camera_.fy), 1e-5);
+  }
+}
+
+TEST_F(CorrespondencesTest, RobustScaleIsThatOfMost) {
+  Correspondences found;
+  EXPECT_EQ(RobustScale(found, 3), 0);
+  // Normal with sigma 0.01, but for a fifth that is anywhere.
+  std::mt19937 rng(3);
+  std::normal_distribution<double> normal(0, 0.01);
+  found.distances.resize(1000);
+  for (double& distance : found.distances) distance = normal(rng);
+  found.vertices.resize(1000);
+  EXPECT_NEAR(RobustScale(found, 3), 0.03, 0.002);
+  found.distances.head(200).setConstant(-0.5);
+  EXPECT_NEAR(RobustScale(found, 3), 0.038, 0.006);
 }
 
 TEST_F(CorrespondencesTest, PaperTakesTheClosestPointWithASimilarNormal) {

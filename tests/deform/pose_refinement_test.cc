@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <opencv2/imgproc.hpp>
 
 #include "deform/posed_actor.h"
 #include "support/expect_error.h"
@@ -69,6 +70,23 @@ TEST_F(PoseRefinementTest, TheTruthStays) {
   EXPECT_EQ(result.state, RefinementState::kRefined);
   EXPECT_GT(result.support, 0.95);
   EXPECT_LT(testing::JointErrorMm(result.pose, truth_), 1.5);
+}
+
+// Between hip and knee the silhouette is wider, as by a coat.
+TEST_F(PoseRefinementTest, WhatDoesNotFitTheRestDoesNotPull) {
+  cv::Mat mask = testing::MaskOf(camera_, Actor(), truth_);
+  const cv::Rect box = cv::boundingRect(mask);
+  cv::Mat wide;
+  cv::dilate(mask, wide, cv::Mat::ones(1, 31, CV_8U), {0, 0});  // to one side
+  const cv::Range rows(box.y + box.height / 2, box.y + 3 * box.height / 4);
+  wide.rowRange(rows).copyTo(mask.rowRange(rows));
+  const Contour2d silhouette = ExtractContour(mask);
+  PoseRefinementOptions fixed;
+  fixed.robust_deviations = 1e9;
+  const double error = testing::JointErrorMm(Refine(truth_, silhouette).pose, truth_);
+  const double pulled = testing::JointErrorMm(Refine(truth_, silhouette, fixed).pose, truth_);
+  EXPECT_GT(pulled, 1);
+  EXPECT_LT(error, 0.6 * pulled);
 }
 
 // Far away and near, at half the resolution: the same to a millimetre or so.

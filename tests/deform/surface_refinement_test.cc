@@ -74,6 +74,21 @@ TEST_F(SurfaceRefinementTest, AFittingSurfaceStays) {
             0.99);
 }
 
+TEST_F(SurfaceRefinementTest, WhatDoesNotFitTheRestPullsLess) {
+  cv::Mat mask = testing::MaskOf(Person(), Person().posed);
+  const cv::Rect box = cv::boundingRect(mask);
+  const int y = box.y + box.height / 3;
+  int right = mask.cols - 1;
+  while (mask.at<uint8_t>(y, right) == 0) --right;
+  cv::circle(mask, {right, y}, 45, 255, cv::FILLED);
+  SurfaceRefinementOptions alike;
+  alike.robust_deviations = 0;
+  const double moved = MeanError_mm(Refine(mask).vertices, Person().posed);
+  const double pulled = MeanError_mm(Refine(mask, alike).vertices, Person().posed);
+  EXPECT_GT(pulled, 1);
+  EXPECT_LT(moved, 0.8 * pulled);
+}
+
 TEST_F(SurfaceRefinementTest, WithoutEvidenceNothingMoves) {
   const auto expect_unchanged = [](const SurfaceRefinement& refined, RefinementState state) {
     EXPECT_EQ(refined.state, state);

@@ -41,6 +41,12 @@ GridCutProblem RandomProblem(const cv::Size& size, uint32_t seed, bool eight_con
   problem.gamma_motion = 20;
   problem.beta_motion = 0.001;
   problem.eight_connected = eight_connected;
+  if (seed % 3 == 1) {
+    problem.strength.create(size, CV_32F);
+    for (int i = 0; i < size.area(); ++i) {
+      problem.strength.ptr<float>()[i] = static_cast<float>(rng() % 101) / 100;
+    }
+  }
   return problem;
 }
 
@@ -65,7 +71,12 @@ double EnergyTwin(const GridCutProblem& problem, const cv::Mat& labels) {
         const cv::Vec3d difference = colour(x, y) - colour(u, v);
         const double change =
             3.0 * problem.change.at<uint16_t>(y, x) + 3.0 * problem.change.at<uint16_t>(v, u);
-        energy += (problem.gamma * std::exp(-problem.beta * difference.dot(difference)) +
+        const double strength =
+            problem.strength.empty()
+                ? 1
+                : 0.5 * (problem.strength.at<float>(y, x) + problem.strength.at<float>(v, u));
+        energy += strength *
+                  (problem.gamma * std::exp(-problem.beta * difference.dot(difference)) +
                    problem.gamma_motion * std::exp(-problem.beta_motion * change / 2)) /
                   std::hypot(d.x, d.y);
       }

@@ -34,6 +34,10 @@ inline WholeGraph BuildWholeGraph(const GridCutProblem& problem) {
       const double change = 1.5 * (problem.change.at<uint16_t>(p) + problem.change.at<uint16_t>(q));
       weight += cvRound(scale * problem.gamma_motion * std::exp(-problem.beta_motion * change));
     }
+    if (!problem.strength.empty()) {
+      const float strength = problem.strength.at<float>(p) + problem.strength.at<float>(q);
+      weight = cvRound(0.5F * strength * static_cast<float>(weight));
+    }
     return weight;
   };
   WholeGraph graph;

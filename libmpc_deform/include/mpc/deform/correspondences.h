@@ -54,6 +54,7 @@ struct Correspondences {
   Eigen::Matrix2Xd targets;   // 2xC, px: points of the silhouette
   Eigen::Matrix2Xd normals;   // 2xC, unit, pointing out of the silhouette there
   Eigen::VectorXd weights;    // C; over the whole outline their mean is 1
+  Eigen::VectorXd distances;  // C, of the vertex from its target along the normal, m at its depth
   // |S|, the size of the model's boundary before anything was pruned, by which E_con is divided: or
   // heavy pruning would make the survivors too strong.
   int num_boundary = 0;
@@ -82,6 +83,10 @@ ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& position
 Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                              const ModelBoundary& outline, const BodyParts& parts,
                              const ContourIndex& silhouette, const CorrespondenceOptions& options);
+
+// Scale of a robust loss, m: so many standard deviations of the distances, as their median tells it.
+// 0 without correspondences.
+double RobustScale(const Correspondences& correspondences, double deviations);
 
 // Both in one: correspondences of a mesh; none when nothing matches. `topology` and `parts` are
 // those of the mesh. Throws Error (kInvalidArgument) as FindModelBoundary. Thread-safe for different

@@ -19,7 +19,9 @@ namespace mpc {
 struct PoseRefinementOptions {
   int num_iterations = 3;     // of correspondences and solution, >= 1; paper
   double weight_stab = 0.06;  // w_stab; paper
-  // Scale of the robust loss on distances from the silhouette, m at the actor; 0: squares (paper).
+  // Scale of the robust loss on distances from the silhouette: so many of their standard deviations
+  // in the frame, at least 1 cm and at most robust_m, m at the actor; robust_m 0: squares (paper).
+  double robust_deviations = 4;
   double robust_m = 0.05;
   // Which vertices are the outline: found once, from the batch pose; true: again in every iteration
   // (paper).

@@ -24,6 +24,9 @@ struct SurfaceRefinementOptions {
   // w_arap of each iteration of correspondences and solution, px^2/mm^2, positive; paper.
   std::vector<double> arap_weights = {0.6, 0.2};
   double depth_drift_weight = 2;  // w_ray, px^2/mm^2, >= 0; ours, 0: paper
+  // Correspondences count less (Geman-McClure) the farther they go, on a scale of so many standard
+  // deviations of all distances in the frame, at least 4 cm; 0: all alike (paper).
+  double robust_deviations = 6;
   CorrespondenceOptions correspondences = {.max_slant_rad = 0.8};
 
   double relative_tolerance = 1e-3;  // of a solve

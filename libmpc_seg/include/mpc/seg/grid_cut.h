@@ -2,7 +2,7 @@
 // Source: Rother et al., "GrabCut", 2004; motion cue: paper, Section 5.1.
 // Units: pixels, natural logarithms of probabilities.
 //
-//   E(L) = sum_p -o_p [L_p = 1] + sum_pq [L_p != L_q] / |p - q|
+//   E(L) = sum_p -o_p [L_p = 1] + sum_pq [L_p != L_q] (s_p + s_q) / (2 |p - q|)
 //          (gamma exp(-beta |I_p - I_q|^2) + gamma_m exp(-beta_m (|D_p|^2 + |D_q|^2) / 2))
 #pragma once
 
@@ -18,6 +18,7 @@ struct GridCutProblem {
   cv::Mat change;    // CV_16U, |D|^2 / 3, see SquaredChange; empty: no motion cue
   cv::Mat log_odds;  // CV_32F, o: of belonging to the actor; read at unknown pixels only
   cv::Mat trimap;    // CV_8U, TrimapLabel
+  cv::Mat strength;  // CV_32F, 0 to 1, s: share of the links' strength; empty: 1
   double gamma = 50;
   double beta = 0;
   double gamma_motion = 0;

@@ -26,4 +26,9 @@ BatchProblem MakeWindowProblem(const ClipEvidence& evidence,
                                const FrameInitialization& initialization, const Window& window,
                                const Eigen::MatrixXd& poses, const Eigen::MatrixXd& solved);
 
+// Gives each dof of the window's problem its smoothness from the spectrum of `solved` (N x the
+// window's size), an earlier solution of it.
+void AdaptSmoothness(const FrameInitialization& initialization, const Window& window,
+                     const Eigen::MatrixXd& solved, BatchProblem* problem);
+
 }  // namespace mpc

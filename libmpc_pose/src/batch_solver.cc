@@ -422,6 +422,8 @@ ReducedSystem ReduceBatch(const BatchProblem& problem, const Eigen::MatrixXd& po
     for (int p = 0; p < num_parameters; ++p) cross[p].col(f) = cross_of_frame.col(p);
     reduced.hessian += derivative.transpose() * derivative;
     reduced.gradient += derivative.transpose() * scratch.residuals;
+    reduced.data_cost += scratch.residuals.squaredNorm();
+    reduced.num_residuals += static_cast<int>(scratch.residuals.size());
   }
   system.pinned_step.setZero();
   // The poses' answers T_p to a step of each parameter take X_q^T T_p off the Hessian.

@@ -25,6 +25,10 @@ constexpr double kMaxLogScale = 3 * kPriorSigma;
 constexpr double kStatureSigma = 1e-3;
 // Errors that last for seconds: a clip's frames count as this many independent ones.
 constexpr double kIndependentFrames = 5;
+// Lasting errors leave residuals of at least this share of a typical error's cost; exact detections a
+// tenth of that.
+constexpr double kUsualResidual = 0.2;
+constexpr double kMinLasting = 0.05;
 
 bool IsSmall(BodyPart part) {
   return part == BodyPart::kShoulders || part == BodyPart::kHips || part == BodyPart::kFoot;
@@ -109,21 +113,30 @@ void ProportionsCalibration::Step(const std::vector<Window>& windows, const Eige
   Eigen::MatrixXd hessian = Eigen::MatrixXd::Zero(kNumBodyParts, kNumBodyParts);
   PartVector gradient = PartVector::Zero();
   double num_frames = 0;
+  double data_cost = 0;
+  double num_residuals = 1e-9;
   for (size_t i = 0; i < spread.size(); ++i) {
     hessian += reduced[i].hessian;
     gradient += reduced[i].gradient;
     num_frames += spread[i].size();
+    data_cost += reduced[i].data_cost;
+    num_residuals += reduced[i].num_residuals;
   }
-  // The sum of costs as chi^2 of as many frames as are independent.
+  // The sum of costs as chi^2 of as many frames as are independent. So far as the residuals are less
+  // than lasting errors leave, errors are not there.
   const double white = evidence->white_share();
-  const double independent = white + (1 - white) * std::min(1.0, kIndependentFrames / num_frames);
+  const double lasting =
+      (1 - white) *
+      std::clamp(data_cost / (num_residuals * kNoiseCost * kUsualResidual), kMinLasting, 1.0);
+  const double independent =
+      white + (1 - white) * std::min(1.0, kIndependentFrames / (num_frames * lasting));
   hessian *= independent / kNoiseCost;
   gradient *= independent / kNoiseCost;
   PartVector precision;
   for (int p = 0; p < kNumBodyParts; ++p) {
     precision[p] = Precision(kPriorSigma);
     if (!IsSmall(static_cast<BodyPart>(p))) continue;
-    precision[p] = white * Precision(kPriorSigma) + (1 - white) * Precision(kSmallPartSigma);
+    precision[p] += lasting * (Precision(kSmallPartSigma) - Precision(kPriorSigma));
   }
   hessian.diagonal() += precision;
   gradient += precision.cwiseProduct(log_scale_);

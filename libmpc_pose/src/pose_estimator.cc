@@ -22,7 +22,7 @@ constexpr double kRejectedMm = 150;
 constexpr double kTypicalMm = 50;
 constexpr double kSwapFactor = 1.5;
 constexpr int kNumRounds = 3;
-constexpr int kNumAdaptations = 2;      // of the smoothness, after the last round
+constexpr double kMaxAdaptations = 3;   // of the smoothness, in the last round
 constexpr double kRoughTolerance = 30;  // of all solutions but the last, times the options'
 
 class Stopwatch {
@@ -178,7 +178,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     BatchSolveOptions rough_solver = options.batch_solver;
     rough_solver.relative_tolerance *= kRoughTolerance;
     const bool last_round = round + 1 == num_rounds;
-    const int num_adaptations = options.adaptive_band && last_round ? kNumAdaptations : 0;
+    const double max_adaptations = options.adaptive_band && last_round ? kMaxAdaptations : 0;
     std::vector<Eigen::MatrixXd> solved(windows.size());
     // Groups of a few windows keep the threads busy and let the callback stop between them.
     const int group = 4 * num_threads;
@@ -189,7 +189,9 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
         BatchProblem problem =
             MakeWindowProblem(evidence, initialization, window, track.poses, before);
         solved[first + i] = track.poses.middleCols(window.begin, window.size());
-        for (int adaptation = 0; adaptation < num_adaptations; ++adaptation) {
+        const long num_adaptations =
+            std::lround(max_adaptations * ObservedShare(initialization, window));
+        for (long adaptation = 0; adaptation < num_adaptations; ++adaptation) {
           SolveBatch(problem, rough_solver, &solved[first + i]);
           AdaptSmoothness(initialization, window, solved[first + i], &problem);
         }

@@ -51,15 +51,18 @@ std::vector<FrameProblem> MakeFrameProblems(const ClipEvidence& evidence,
   return frames;
 }
 
+double ObservedShare(const FrameInitialization& initialization, const Window& window) {
+  const auto first = initialization.observed.begin() + window.begin;
+  return static_cast<double>(std::count(first, first + window.size(), true)) / window.size();
+}
+
 void AdaptSmoothness(const FrameInitialization& initialization, const Window& window,
                      const Eigen::MatrixXd& solved, BatchProblem* problem) {
-  // What was not observed shows no motion.
-  const auto first = initialization.observed.begin() + window.begin;
-  const double observed_share =
-      static_cast<double>(std::count(first, first + window.size(), true)) / window.size();
   problem->band_penalty =
-      observed_share * AdaptedShares(SubspaceCoefficients(*problem, solved), problem->smoothness,
-                                     kNoiseCost, kMaxBandPenalty);
+      // What was not observed shows no motion.
+      ObservedShare(initialization, window) * AdaptedShares(SubspaceCoefficients(*problem, solved),
+                                                            problem->smoothness, kNoiseCost,
+                                                            kMaxBandPenalty);
 }
 
 BatchProblem MakeWindowProblem(const ClipEvidence& evidence,

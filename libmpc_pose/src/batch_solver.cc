@@ -137,7 +137,7 @@ class ArrowSystem {
       stiff_frames_.setZero(stride_, num_frames_);
       return;
     }
-    stiffness_.resize(num_dofs_ * num_dofs_, num_frames_);
+    stiffness_.resize(static_cast<Eigen::Index>(num_dofs_) * num_dofs_, num_frames_);
     products_.resize(num_frames_, num_basis_ * (num_basis_ + 1) / 2);
     int column = 0;
     for (int l = 0; l < num_basis_; ++l) {

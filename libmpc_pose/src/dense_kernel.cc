@@ -1,5 +1,7 @@
 #include "dense_kernel.h"
 
+#include <cstddef>
+
 #if defined(__x86_64__) && defined(__GNUC__)
 #define MPC_AVX2_KERNEL 1
 #endif
@@ -59,9 +61,10 @@ MPC_INLINE void MultiplyBody(int stride, int columns, const double* a, const dou
 // most columns are not touched by their pivots. kFixedLanes: lanes of a column, 0 if not known.
 template <typename Isa, int kFixedLanes>
 MPC_INLINE bool SweepBody(int size, int stride, double* matrix, double* pivot_column) {
+  const std::ptrdiff_t step = stride;
   const int lanes = kFixedLanes > 0 ? kFixedLanes : stride / kLane<Isa>;
   for (int k = size - 1; k >= 0; --k) {
-    double* const of_pivot = matrix + k * stride;
+    double* const of_pivot = matrix + k * step;
     for (int i = 0; i < lanes; ++i) At<Isa>(pivot_column, i) = At<Isa>(of_pivot, i);
     const double pivot = pivot_column[k];
     if (!(pivot > 0)) return false;
@@ -69,7 +72,7 @@ MPC_INLINE bool SweepBody(int size, int stride, double* matrix, double* pivot_co
     for (int j = 0; j < size; ++j) {
       if (pivot_column[j] == 0 || j == k) continue;
       const double factor = pivot_column[j] * inverse;
-      double* const column = matrix + j * stride;
+      double* const column = matrix + j * step;
 #pragma GCC unroll 9
       for (int i = 0; i < lanes; ++i) At<Isa>(column, i) -= factor * At<Isa>(pivot_column, i);
       column[k] = factor;

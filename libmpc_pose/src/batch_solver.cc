@@ -5,11 +5,15 @@
 #include <cmath>
 #include <limits>
 
+#include "dense_kernel.h"
 #include "mpc/core/rigid.h"
 #include "mpc/pose/root_chart.h"
 
 namespace mpc {
 namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
 
 constexpr int kMaxBoundRounds = 2;     // times a step is solved again around the bounds it meets
 constexpr double kBoundSlack = 0.005;  // rad; less is clipped
@@ -105,37 +109,6 @@ class BatchState {
   Eigen::MatrixXd penalized_;  // S M, N x F: the gradient of E_d without its weight
 };
 
-// y -= factor * x. A plain loop: the vectors are so short that Eigen's preparations would cost more.
-void Subtract(Eigen::Index size, double factor, const double* __restrict x, double* __restrict y) {
-  for (Eigen::Index i = 0; i < size; ++i) y[i] -= factor * x[i];
-}
-
-// Replaces a symmetric positive definite matrix by its inverse (the sweep operator, on the lower
-// half); false when it is not positive definite. The last dofs go first: limbs do not touch one
-// another, so that most columns are not touched by their pivots.
-bool InvertInPlace(Eigen::MatrixXd* matrix, Eigen::VectorXd* scratch) {
-  const Eigen::Index size = matrix->rows();
-  Eigen::VectorXd& pivot_column = *scratch;
-  pivot_column.resize(size);
-  for (Eigen::Index k = size - 1; k >= 0; --k) {
-    pivot_column.head(k) = matrix->row(k).head(k);
-    pivot_column.tail(size - k) = matrix->col(k).tail(size - k);
-    const double pivot = pivot_column[k];
-    if (!(pivot > 0)) return false;
-    for (Eigen::Index j = 0; j < size; ++j) {
-      if (pivot_column[j] == 0) continue;
-      Subtract(size - j, pivot_column[j] / pivot, &pivot_column[j], &(*matrix)(j, j));
-    }
-    pivot_column /= pivot;
-    matrix->row(k).head(k) = pivot_column.head(k);
-    matrix->col(k).tail(size - k) = pivot_column.tail(size - k);
-    (*matrix)(k, k) = -1 / pivot;
-  }
-  matrix->triangularView<Eigen::Lower>() = -*matrix;
-  matrix->triangularView<Eigen::StrictlyUpper>() = matrix->transpose();
-  return true;
-}
-
 // The Gauss-Newton system of one linearisation and its damped solution: the frames are eliminated,
 // which leaves the Schur complement in C. A small one is factorised. A large one is never formed but
 // solved by conjugate gradients: its product with a vector is one small matrix product per frame,
@@ -149,16 +122,22 @@ class ArrowSystem {
         num_dofs_(problem.skeleton.num_dofs()),
         num_frames_(static_cast<int>(problem.frames.size())),
         num_basis_(static_cast<int>(problem.basis.rows())),
-        hessians(problem.frames.size(), Eigen::MatrixXd(num_dofs_, num_dofs_)),
+        stride_(PaddedRows(num_dofs_)),
+        hessians(problem.frames.size(), MatrixXd(num_dofs_, num_dofs_)),
         gradients(num_dofs_, num_frames_),
         pinned(num_dofs_, num_frames_),
         pinned_step(num_dofs_, num_frames_),
-        inverses_(problem.frames.size(), Eigen::MatrixXd(num_dofs_, num_dofs_)),
-        stiffness_(num_dofs_ * num_dofs_, num_frames_),
-        preconditioner_(SolvesDirectly() ? 0 : num_basis_, Eigen::MatrixXd(num_dofs_, num_dofs_)),
-        eliminated_(num_dofs_, num_frames_),
-        stiff_frames_(num_dofs_, num_frames_) {
-    if (!SolvesDirectly()) return;
+        inverses_(problem.frames.size(), MatrixXd::Zero(stride_, num_dofs_)),
+        scratch_(stride_),
+        eliminated_(num_dofs_, num_frames_) {
+    if (!SolvesDirectly()) {
+      transposed_basis_ = basis_.transpose();
+      preconditioner_.resize(num_basis_, MatrixXd::Zero(stride_, num_dofs_));
+      frame_.resize(stride_);
+      stiff_frames_.setZero(stride_, num_frames_);
+      return;
+    }
+    stiffness_.resize(static_cast<Eigen::Index>(num_dofs_) * num_dofs_, num_frames_);
     products_.resize(num_frames_, num_basis_ * (num_basis_ + 1) / 2);
     int column = 0;
     for (int l = 0; l < num_basis_; ++l) {
@@ -171,26 +150,25 @@ class ArrowSystem {
   // Eliminates all frames for a damping and the dofs pinned now; false when the system is not
   // positive definite. The coefficients start from zero.
   bool Prepare(double damping) {
-    coefficients_.setZero(num_dofs_, num_basis_);
+    coefficients_.setZero(stride_, num_basis_);
     for (int f = 0; f < num_frames_; ++f) {
       if (!Eliminate(f, damping)) return false;
     }
-    return true;
+    return SolvesDirectly() || PrepareIterations();
   }
 
-  // Eliminates one frame, again when its pinned dofs have changed: B_f^-1, E_f = W - W B_f^-1 W (the
-  // form that stays accurate for stiff W) and s_f = -B_f^-1 g_f.
+  // Eliminates one frame, again when its pinned dofs have changed: B_f^-1 and s_f = -B_f^-1 g_f.
   bool Eliminate(int f, double damping) {
-    Eigen::MatrixXd& inverse = inverses_[f];
-    inverse = hessians[f];
+    MatrixXd& inverse = inverses_[f];
+    inverse.topRows(num_dofs_) = hessians[f];
     // Damping on the data's own scale: E_d's stiffness does not resist moves inside the subspace.
     // The floor keeps dofs that no residual sees solvable.
     inverse.diagonal() *= 1 + damping;
     inverse.diagonal() += (1 + 1e-8) * weights_;
     inverse.diagonal().array() += 1e-9 * hessians[f].diagonal().maxCoeff();
-    descent_ = -gradients.col(f);
+    VectorXd descent = -gradients.col(f);
     for (int n = 0; n < num_dofs_; ++n) {
-      if (pinned(n, f)) descent_ -= inverse.col(n) * pinned_step(n, f);
+      if (pinned(n, f)) descent -= inverse.col(n).head(num_dofs_) * pinned_step(n, f);
     }
     for (int n = 0; n < num_dofs_; ++n) {
       if (!pinned(n, f)) continue;
@@ -198,14 +176,11 @@ class ArrowSystem {
       inverse.col(n).setZero();
       inverse(n, n) = 1;
     }
-    if (!InvertInPlace(&inverse, &scratch_)) return false;
+    if (!InvertInPlace(num_dofs_, stride_, inverse.data(), scratch_.data())) return false;
     for (int n = 0; n < num_dofs_; ++n) {
       if (pinned(n, f)) inverse(n, n) = 0;
     }
-    auto stiffness = Stiffness(f);
-    stiffness = -(weights_.asDiagonal() * inverse * weights_.asDiagonal());
-    stiffness.diagonal() += weights_;
-    eliminated_.col(f).noalias() = inverse * descent_;
+    eliminated_.col(f).noalias() = inverse.topRows(num_dofs_) * descent;
     for (int n = 0; n < num_dofs_; ++n) {
       if (pinned(n, f)) eliminated_(n, f) = pinned_step(n, f);
     }
@@ -213,35 +188,44 @@ class ArrowSystem {
   }
 
   // The frames' own steps for other gradients (N x F) of the system prepared.
-  void Restart(const Eigen::MatrixXd& gradients_of_frames) {
+  void Restart(const MatrixXd& gradients_of_frames) {
     coefficients_.setZero();
     for (int f = 0; f < num_frames_; ++f) {
-      eliminated_.col(f).noalias() = -inverses_[f] * gradients_of_frames.col(f);
+      eliminated_.col(f).noalias() = -inverses_[f].topRows(num_dofs_) * gradients_of_frames.col(f);
     }
   }
 
   // Step of S (N x F); false when the system is not positive definite.
-  bool Solve(Eigen::MatrixXd* step) {
-    const Eigen::MatrixXd rhs = weights_.asDiagonal() * (eliminated_ * basis_.transpose());
+  bool Solve(MatrixXd* step) {
+    MatrixXd rhs = MatrixXd::Zero(stride_, num_basis_);
+    rhs.topRows(num_dofs_) = weights_.asDiagonal() * (eliminated_ * basis_.transpose());
     if (!(SolvesDirectly() ? Factorize(rhs) : Iterate(rhs))) return false;
-    const Eigen::MatrixXd pull = weights_.asDiagonal() * (coefficients_ * basis_);
+    const MatrixXd pull = weights_.asDiagonal() * (coefficients_.topRows(num_dofs_) * basis_);
     *step = eliminated_;
-    for (int f = 0; f < num_frames_; ++f) step->col(f).noalias() += inverses_[f] * pull.col(f);
+    for (int f = 0; f < num_frames_; ++f) {
+      step->col(f).noalias() += inverses_[f].topRows(num_dofs_) * pull.col(f);
+    }
     return step->allFinite();
   }
 
  private:
   bool SolvesDirectly() const { return num_dofs_ * num_basis_ <= kMaxDirectSize; }
 
-  Eigen::Map<Eigen::MatrixXd> Stiffness(int f) {
-    return {stiffness_.col(f).data(), num_dofs_, num_dofs_};
+  // E_f = W - W B_f^-1 W, for the mean of B_f^-1 that of the E_f: the form that stays accurate for
+  // stiff W.
+  MatrixXd Stiffness(const MatrixXd& inverse) const {
+    MatrixXd stiffness =
+        -(weights_.asDiagonal() * inverse.topRows(num_dofs_) * weights_.asDiagonal());
+    stiffness.diagonal() += weights_;
+    return stiffness;
   }
 
   // Cholesky factorisation. All blocks (k, l) of the Schur complement come from one matrix product.
-  bool Factorize(const Eigen::MatrixXd& rhs) {
-    const Eigen::MatrixXd blocks = stiffness_ * products_;
-    Eigen::MatrixXd schur(rhs.size(), rhs.size());
+  bool Factorize(const MatrixXd& rhs) {
     const Eigen::Index size = num_dofs_;
+    for (int f = 0; f < num_frames_; ++f) stiffness_.col(f) = Stiffness(inverses_[f]).reshaped();
+    const MatrixXd blocks = stiffness_ * products_;
+    MatrixXd schur(size * num_basis_, size * num_basis_);
     int column = 0;
     for (int l = 0; l < num_basis_; ++l) {
       for (int k = l; k < num_basis_; ++k) {
@@ -249,46 +233,64 @@ class ArrowSystem {
       }
       schur.diagonal().segment(l * size, size) += band_.col(l).cwiseProduct(weights_);
     }
-    const Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>> llt(schur);
+    const Eigen::LLT<Eigen::Ref<MatrixXd>> llt(schur);
     if (llt.info() != Eigen::Success) return false;
-    coefficients_ = rhs;
-    Eigen::Map<Eigen::VectorXd> solution(coefficients_.data(), coefficients_.size());
+    VectorXd solution = rhs.topRows(size).reshaped();
     llt.solveInPlace(solution);
+    coefficients_.topRows(size) = solution.reshaped(size, num_basis_);
     return true;
   }
 
-  // The Schur complement times C (N x K): sum_f E_f C d_f d_f^T + W (beta * C), * per entry.
-  void Multiply(const Eigen::MatrixXd& c, Eigen::MatrixXd* product) {
-    frames_.noalias() = c * basis_;
-    for (int f = 0; f < num_frames_; ++f) {
-      stiff_frames_.col(f).noalias() = Stiffness(f) * frames_.col(f);
+  // The preconditioner is that of the first dofs pinned: it need not be exact.
+  bool PrepareIterations() {
+    MatrixXd mean = MatrixXd::Zero(stride_, num_dofs_);
+    for (const MatrixXd& inverse : inverses_) mean += inverse / num_frames_;
+    const MatrixXd stiffness = Stiffness(mean);
+    for (int k = 0; k < num_basis_; ++k) {
+      preconditioner_[k].topRows(num_dofs_) = stiffness;
+      preconditioner_[k].diagonal() += band_.col(k).cwiseProduct(weights_);
+      if (!InvertInPlace(num_dofs_, stride_, preconditioner_[k].data(), scratch_.data())) {
+        return false;
+      }
     }
-    product->noalias() = stiff_frames_ * basis_.transpose();
-    *product += weights_.asDiagonal() * c.cwiseProduct(band_);
+    return true;
   }
 
-  void Precondition(const Eigen::MatrixXd& residual, Eigen::MatrixXd* result) const {
+  // The Schur complement times C: sum_f E_f C d_f d_f^T + W (beta * C), * per entry.
+  void Multiply(const MatrixXd& c, MatrixXd* product) {
+    for (int f = 0; f < num_frames_; ++f) {
+      auto stiff = stiff_frames_.col(f);
+      MultiplyColumns(stride_, num_basis_, c.data(), basis_.col(f).data(), frame_.data());
+      scratch_.head(num_dofs_) = weights_.cwiseProduct(frame_.head(num_dofs_));
+      MultiplyColumns(stride_, num_dofs_, inverses_[f].data(), scratch_.data(), stiff.data());
+      stiff = frame_ - stiff;
+    }
     for (int k = 0; k < num_basis_; ++k) {
-      result->col(k).noalias() = preconditioner_[k] * residual.col(k);
+      MultiplyColumns(stride_, num_frames_, stiff_frames_.data(), transposed_basis_.col(k).data(),
+                      product->col(k).data());
+    }
+    product->topRows(num_dofs_) =
+        weights_.asDiagonal() *
+        (product->topRows(num_dofs_) + c.topRows(num_dofs_).cwiseProduct(band_)).eval();
+  }
+
+  void Precondition(const MatrixXd& residual, MatrixXd* result) const {
+    for (int k = 0; k < num_basis_; ++k) {
+      MultiplyColumns(stride_, num_dofs_, preconditioner_[k].data(), residual.col(k).data(),
+                      result->col(k).data());
     }
   }
 
   // Conjugate gradients, from the coefficients so far.
-  bool Iterate(const Eigen::MatrixXd& rhs) {
-    const Eigen::VectorXd mean = stiffness_.rowwise().mean();
-    for (int k = 0; k < num_basis_; ++k) {
-      preconditioner_[k] = mean.reshaped(num_dofs_, num_dofs_);
-      preconditioner_[k].diagonal() += band_.col(k).cwiseProduct(weights_);
-      if (!InvertInPlace(&preconditioner_[k], &scratch_)) return false;
-    }
-    Eigen::MatrixXd z(num_dofs_, num_basis_);
-    Eigen::MatrixXd product;
+  bool Iterate(const MatrixXd& rhs) {
+    MatrixXd z = MatrixXd::Zero(stride_, num_basis_);
+    MatrixXd product = z;
     Precondition(rhs, &z);
     const double goal = kCoefficientTolerance * kCoefficientTolerance * rhs.cwiseProduct(z).sum();
     Multiply(coefficients_, &product);
-    Eigen::MatrixXd residual = rhs - product;
+    MatrixXd residual = rhs - product;
     Precondition(residual, &z);
-    Eigen::MatrixXd direction = z;
+    MatrixXd direction = z;
     double rz = residual.cwiseProduct(z).sum();
     for (int i = 0; i < kMaxCoefficientIterations && rz > goal; ++i) {
       Multiply(direction, &product);
@@ -305,30 +307,33 @@ class ArrowSystem {
     return true;
   }
 
-  const Eigen::MatrixXd& basis_;
-  const Eigen::VectorXd& weights_;
-  Eigen::MatrixXd band_;  // N x K: stiffness of the coefficients themselves
+  const MatrixXd& basis_;
+  const VectorXd& weights_;
+  MatrixXd band_;  // N x K: stiffness of the coefficients themselves
   int num_dofs_;
   int num_frames_;
   int num_basis_;
+  int stride_;  // N with padding, of the rows of what the kernels see; the padding is zero
 
  public:
-  std::vector<Eigen::MatrixXd> hessians;                      // F of N x N: the data terms
-  Eigen::MatrixXd gradients;                                  // N x F
+  std::vector<MatrixXd> hessians;                             // F of N x N: the data terms
+  MatrixXd gradients;                                         // N x F
   Eigen::Array<bool, Eigen::Dynamic, Eigen::Dynamic> pinned;  // N x F: ends at a bound
-  Eigen::MatrixXd pinned_step;                                // N x F: the way to that bound
+  MatrixXd pinned_step;                                       // N x F: the way to that bound
 
  private:
-  std::vector<Eigen::MatrixXd> inverses_;        // F: B_f^-1
-  Eigen::MatrixXd stiffness_;                    // N^2 x F: E_f
-  Eigen::MatrixXd products_;                     // F x K(K+1)/2: d_k d_l, k >= l
-  std::vector<Eigen::MatrixXd> preconditioner_;  // K: of C's columns
-  Eigen::MatrixXd eliminated_;                   // N x F: s_f
-  Eigen::MatrixXd coefficients_;                 // N x K: dC
-  Eigen::VectorXd descent_;
-  Eigen::VectorXd scratch_;
-  Eigen::MatrixXd frames_;        // N x F: C D
-  Eigen::MatrixXd stiff_frames_;  // N x F: E_f (C D)_f
+  std::vector<MatrixXd> inverses_;  // F of stride x N: B_f^-1
+  VectorXd scratch_;                // stride
+  MatrixXd eliminated_;             // N x F: s_f
+  MatrixXd coefficients_;           // stride x K: dC
+  // When it is factorised:
+  MatrixXd stiffness_;  // N^2 x F: E_f
+  MatrixXd products_;   // F x K(K+1)/2: d_k d_l, k >= l
+  // When it is not:
+  MatrixXd transposed_basis_;             // F x K
+  std::vector<MatrixXd> preconditioner_;  // K of stride x N: of C's columns
+  VectorXd frame_;                        // stride: C d_f
+  MatrixXd stiff_frames_;                 // stride x F: W^-1 E_f C d_f
 };
 
 // Dofs of a frame that lie at a bound and are pulled beyond it.
@@ -417,6 +422,8 @@ ReducedSystem ReduceBatch(const BatchProblem& problem, const Eigen::MatrixXd& po
     for (int p = 0; p < num_parameters; ++p) cross[p].col(f) = cross_of_frame.col(p);
     reduced.hessian += derivative.transpose() * derivative;
     reduced.gradient += derivative.transpose() * scratch.residuals;
+    reduced.data_cost += scratch.residuals.squaredNorm();
+    reduced.num_residuals += static_cast<int>(scratch.residuals.size());
   }
   system.pinned_step.setZero();
   // The poses' answers T_p to a step of each parameter take X_q^T T_p off the Hessian.

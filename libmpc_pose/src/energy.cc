@@ -18,7 +18,7 @@ void PosePoint::UpdateJacobian(const Skeleton& skeleton) {
     for (int s = skeleton.joints[j].segment; s > 0; s = skeleton.segments[s].parent) {
       for (int h = state.hinge_begin[s + 1]; h > state.hinge_begin[s]; --h) dofs.push_back(5 + h);
     }
-    for (int n = 5; n >= 0; --n) dofs.push_back(n);
+    for (int n = 5; n >= 0 && !fixed_root; --n) dofs.push_back(n);
     std::reverse(dofs.begin(), dofs.end());
   }
 }

@@ -24,7 +24,8 @@ constexpr int kNumSeeds = 12;                  // frames tried as the one to sta
 constexpr double kGoodFactor = 2.5;
 // Robust scales are narrowed in steps (graduated non-convexity): a factor of the final ones.
 constexpr double kWideLoss = 3;
-constexpr double kCrouch = 1.4;  // rad; a start for people who sit or squat
+constexpr double kSamePose = 0.03;  // m between joints of poses that are the same
+constexpr double kCrouch = 1.4;     // rad; a start for people who sit or squat
 // Exchanged sides, or a jump to another facing, must explain the frame this much better.
 constexpr double kJumpPenalty = 1.5;
 // Speeds a tracked pose may change with, at the price of one typical detection error (20 mm).
@@ -111,11 +112,14 @@ class FrameSearch {
     Keep(observation, side_swap, side_swap == SideSwap::kNone ? 1 : kJumpPenalty, candidate);
   }
 
-  // From afar a narrow robust loss would see nothing but outliers: plain squares lead the way.
+  // From afar a narrow robust loss would see nothing but outliers: plain squares lead the way. A start
+  // that they lead where an earlier one was is given up.
   void FromPose(const FrameObservation& observation, SideSwap side_swap, double penalty,
                 const Eigen::VectorXd& start) {
     Eigen::VectorXd candidate = start;
-    for (const double loss_width : {0.0, kWideLoss, 1.0}) {
+    Solve(observation, 0, {}, &candidate);
+    if (IsKnown(scratch_.current.state.joints)) return;
+    for (const double loss_width : {kWideLoss, 1.0}) {
       Solve(observation, loss_width, {}, &candidate);
     }
     Keep(observation, side_swap, penalty, candidate);
@@ -124,6 +128,7 @@ class FrameSearch {
   // Starts that ignore the neighbour; they do not pay for the way from it either.
   void FromFacings(const FrameObservation& observation, double penalty) {
     prior_ = {};
+    led_to_.clear();
     std::vector<Eigen::Matrix3d> facings;
     if (observation.use_3d) {
       if (const auto torso = TorsoRotation(evidence_, observation)) facings.push_back(*torso);
@@ -163,6 +168,14 @@ class FrameSearch {
                &scratch_);
   }
 
+  bool IsKnown(const Eigen::Matrix3Xd& joints) {
+    for (const Eigen::Matrix3Xd& other : led_to_) {
+      if ((joints - other).colwise().norm().maxCoeff() < kSamePose) return true;
+    }
+    led_to_.push_back(joints);
+    return false;
+  }
+
   void Keep(const FrameObservation& observation, SideSwap side_swap, double penalty,
             const Eigen::VectorXd& candidate) {
     PosePoint& point = scratch_.current;
@@ -184,6 +197,7 @@ class FrameSearch {
   Eigen::VectorXd relaxed_;
   Eigen::VectorXd crouched_;
   TrackPriorEnergy prior_;
+  std::vector<Eigen::Matrix3Xd> led_to_;  // joints where this frame's starts were led so far
   FrameSolveScratch scratch_;
 };
 

@@ -1,9 +1,11 @@
 #include "mpc/pose/frame_problem.h"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
 #include <limits>
 #include <numeric>
+#include <span>
 
 namespace mpc {
 
@@ -23,20 +25,20 @@ FrameProblem FrameProblem::Restricted(const std::vector<int>& joint_index,
 
 namespace {
 
-// J^T J (its lower half) and J^T r of `rows` rows that depend on few dofs.
-void AddRows(const FrameScratch& scratch, int first_row, int rows, const std::vector<int>& dofs,
+// J^T J (its lower half) and J^T r of kRows rows that depend on few dofs.
+template <int kRows>
+void AddRows(const FrameScratch& scratch, int first_row, std::span<const int> dofs,
              Eigen::MatrixXd* hessian, Eigen::VectorXd* gradient) {
-  const double* const residuals = scratch.residuals.data() + first_row;
+  const Eigen::Map<const Eigen::Matrix<double, kRows, 1>> residuals(scratch.residuals.data() +
+                                                                    first_row);
+  const auto column = [&](int n) {
+    return Eigen::Map<const Eigen::Matrix<double, kRows, 1>>(&scratch.jacobian(first_row, n));
+  };
   for (size_t j = 0; j < dofs.size(); ++j) {
-    const double* const a = &scratch.jacobian(first_row, dofs[j]);
-    double* const column = hessian->col(dofs[j]).data();
-    for (int k = 0; k < rows; ++k) (*gradient)[dofs[j]] += a[k] * residuals[k];
-    for (size_t i = j; i < dofs.size(); ++i) {
-      const double* const b = &scratch.jacobian(first_row, dofs[i]);
-      double sum = 0;
-      for (int k = 0; k < rows; ++k) sum += a[k] * b[k];
-      column[dofs[i]] += sum;
-    }
+    const Eigen::Matrix<double, kRows, 1> a = column(dofs[j]);
+    double* const sums = hessian->col(dofs[j]).data();
+    (*gradient)[dofs[j]] += a.dot(residuals);
+    for (size_t i = j; i < dofs.size(); ++i) sums[dofs[i]] += a.dot(column(dofs[i]));
   }
 }
 
@@ -47,21 +49,22 @@ void AddNormalEquations(const FrameProblem& problem, const PosePoint& at, FrameS
   gradient->setZero(num_dofs);
   int row = 0;
   for (const Observation2d& point : problem.reprojection.observations()) {
-    AddRows(*scratch, row, 2, at.joint_dofs[point.joint], hessian, gradient);
+    AddRows<2>(*scratch, row, at.joint_dofs[point.joint], hessian, gradient);
     row += 2;
   }
   std::vector<int>& dofs = scratch->dofs;
   dofs.resize(num_dofs);
   std::iota(dofs.begin(), dofs.end(), 0);
-  AddRows(*scratch, row, problem.joint_positions.num_residuals(), dofs, hessian, gradient);
-  row += problem.joint_positions.num_residuals();
+  for (int i = 0; i < problem.joint_positions.num_residuals(); i += 3, row += 3) {
+    AddRows<3>(*scratch, row, dofs, hessian, gradient);
+  }
   for (const BoneObservation& bone : problem.bone_vectors.bones()) {
-    const std::vector<int>& a = at.joint_dofs[bone.a];
-    const std::vector<int>& b = at.joint_dofs[bone.b];
     // The root's translation moves both ends alike.
+    const std::span<const int> a = std::span(at.joint_dofs[bone.a]).subspan(at.fixed_root ? 0 : 3);
+    const std::span<const int> b = std::span(at.joint_dofs[bone.b]).subspan(at.fixed_root ? 0 : 3);
     dofs.clear();
-    std::set_union(a.begin() + 3, a.end(), b.begin() + 3, b.end(), std::back_inserter(dofs));
-    AddRows(*scratch, row, 3, dofs, hessian, gradient);
+    std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(dofs));
+    AddRows<3>(*scratch, row, dofs, hessian, gradient);
     row += 3;
   }
   // A prior's row is about one dof, or about the three of the root's rotation.
@@ -75,7 +78,7 @@ void AddNormalEquations(const FrameProblem& problem, const PosePoint& at, FrameS
   add_diagonal(6, problem.rest_prior.num_residuals());
   if (problem.track_prior.num_residuals() > 0) {
     add_diagonal(0, 3);
-    AddRows(*scratch, row, 3, {3, 4, 5}, hessian, gradient);
+    AddRows<3>(*scratch, row, std::array{3, 4, 5}, hessian, gradient);
     row += 3;
     add_diagonal(6, num_dofs - 6);
   }

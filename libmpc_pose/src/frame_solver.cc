@@ -13,12 +13,14 @@ SolveSummary SolveFrame(const Skeleton& skeleton, const FrameProblem& problem,
                         FrameSolveScratch* scratch) {
   const auto start = std::chrono::steady_clock::now();
   const int num_dofs = skeleton.num_dofs();
+  const int num_fixed = options.fixed_root ? 6 : 0;
   const Eigen::VectorXd lower = skeleton.LowerBounds();
   const Eigen::VectorXd upper = skeleton.UpperBounds();
   PosePoint& current = scratch->current;
   PosePoint& trial = scratch->trial;
   current.pose = pose->cwiseMax(lower).cwiseMin(upper);
   current.root_rotation = ExpSO3(pose->segment<3>(3));
+  current.fixed_root = trial.fixed_root = options.fixed_root;
 
   SolveSummary summary;
   const auto finish = [&](Termination termination) {
@@ -44,9 +46,9 @@ SolveSummary SolveFrame(const Skeleton& skeleton, const FrameProblem& problem,
     step = -scratch->gradient;
     // The root translation is in metres: the floor on the diagonal keeps free directions solvable.
     const double floor = 1e-9 * hessian.diagonal().maxCoeff() + 1e-300;
-    for (int n = 0; n < num_dofs; ++n) {
-      const bool pinned = (options.fixed_root && n < 6) ||
-                          (current.pose[n] <= lower[n] && scratch->gradient[n] > 0) ||
+    step.head(num_fixed).setZero();
+    for (int n = num_fixed; n < num_dofs; ++n) {
+      const bool pinned = (current.pose[n] <= lower[n] && scratch->gradient[n] > 0) ||
                           (current.pose[n] >= upper[n] && scratch->gradient[n] < 0);
       if (pinned) {
         scratch->damped.row(n).setZero();
@@ -57,7 +59,10 @@ SolveSummary SolveFrame(const Skeleton& skeleton, const FrameProblem& problem,
         scratch->damped(n, n) += damping * (hessian(n, n) + floor) + floor;
       }
     }
-    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(scratch->damped).solveInPlace(step);
+    const int num_free = num_dofs - num_fixed;
+    Eigen::Ref<Eigen::VectorXd> free_step = step.tail(num_free);
+    Eigen::Ref<Eigen::MatrixXd> free_block = scratch->damped.bottomRightCorner(num_free, num_free);
+    Eigen::LLT<Eigen::Ref<Eigen::MatrixXd>>(free_block).solveInPlace(free_step);
     ++summary.iterations;
     trial.pose = (current.pose + step).cwiseMax(lower).cwiseMin(upper);
     trial.root_rotation = ExpSO3(step.segment<3>(3)) * current.root_rotation;

@@ -16,9 +16,13 @@ namespace {
 constexpr int kNumCandidates = 5;  // as is, three mirrored combinations, as detected
 // Lasting errors: evidence of this many seconds counts as one independent observation.
 constexpr double kEvidenceSeconds = 0.25;
-constexpr double kSpeed = 2.0;    // m/s of a joint relative to the torso that is free
-constexpr double kJitter = 0.1;   // m beyond it that cost 1
-constexpr double kMaxJump = 0.5;  // m; longer jumps cost no more
+constexpr double kSpeed = 2.0;      // m/s of a joint relative to the torso that is free
+constexpr double kJitter = 0.1;     // m beyond it that cost 1
+constexpr double kMaxJump = 0.5;    // m; longer jumps cost no more
+constexpr double kSameLimb = 0.02;  // m between joints of candidates that are the same
+// Candidates are tried this many seconds apart; a mirrored limb lasts longer.
+constexpr double kSampleSeconds = 1.0 / 15;
+constexpr double kTolerance = 1e-2;  // of the candidates' costs, relative
 
 // A limb as a skeleton of its own: the root is the torso segment it hangs on.
 struct Limb {
@@ -26,6 +30,7 @@ struct Limb {
   int anchor = 0;                // segment of the whole skeleton
   std::vector<int> hinges;       // of the whole skeleton, per hinge of the limb
   std::vector<int> joint_index;  // per joint of the whole skeleton: joint of the limb or -1
+  int num_paper_joints = 0;      // the first ones; extra points add nothing to continuity
 };
 
 Limb MakeLimb(const Skeleton& skeleton, int first_segment) {
@@ -56,6 +61,7 @@ Limb MakeLimb(const Skeleton& skeleton, int first_segment) {
     limb.joint_index[j] = limb.skeleton.num_joints();
     limb.skeleton.joints.push_back(skeleton.joints[j]);
     limb.skeleton.joints.back().segment = s;
+    limb.num_paper_joints += static_cast<int>(skeleton.joints[j].id) < kNumPaperJoints ? 1 : 0;
   }
   return limb;
 }
@@ -97,70 +103,78 @@ BoneVectorEnergy MirroredBones(const Limb& limb, const FrameProblem& problem,
   return {std::move(bones), camera_from_ray, {}};
 }
 
+// Fits the candidates of one frame's limbs with its torso held.
 class LimbFitter {
  public:
-  LimbFitter(const ClipEvidence& evidence, const Limb& limb) : evidence_(evidence), limb_(limb) {
-    options_ = evidence.options().frame_solver;
+  LimbFitter(const ClipEvidence& evidence, const FrameObservation& observation,
+             const Eigen::VectorXd& pose)
+      : pose_(pose),
+        relaxed_(RelaxedPose(evidence.skeleton())),
+        narrow_(evidence.MakeProblem(observation, PersonDepth(pose), 1, relaxed_)),
+        wide_(evidence.MakeProblem(observation, PersonDepth(pose), 0, relaxed_)),
+        camera_from_ray_(observation.camera_from_ray),
+        options_(evidence.options().frame_solver) {
+    ForwardKinematics(evidence.skeleton(), pose, &body_);
     options_.fixed_root = true;
-    relaxed_ = RelaxedPose(evidence.skeleton());
+    options_.relative_tolerance = std::max(options_.relative_tolerance, kTolerance);
   }
 
-  Candidates Fit(const FrameObservation& observation, const Eigen::VectorXd& pose) {
+  Candidates Fit(const Limb& limb) {
     Candidates candidates;
-    KinematicState state;
-    ForwardKinematics(evidence_.skeleton(), pose, &state);
-    Eigen::VectorXd start(limb_.skeleton.num_dofs());
-    start.head<3>() = state.origins.col(limb_.anchor);
-    start.segment<3>(3) = LogSO3(state.rotations[limb_.anchor]);
-    Eigen::VectorXd rest = start;
-    for (size_t h = 0; h < limb_.hinges.size(); ++h) {
-      start[6 + h] = pose[6 + limb_.hinges[h]];
-      rest[6 + h] = relaxed_[6 + limb_.hinges[h]];
-    }
-    const auto problem = [&](double loss_width) {
-      return evidence_.MakeProblem(observation, PersonDepth(pose), loss_width, relaxed_)
-          .Restricted(limb_.joint_index, limb_.hinges);
-    };
-    const FrameProblem narrow = problem(1);
-    ForwardKinematics(limb_.skeleton, start, &state);
-    const Eigen::Matrix3Xd joints = state.joints;
     for (int c = 0; c < kNumCandidates; ++c) {
-      Eigen::VectorXd limb_pose = start;
-      if (c == kNumCandidates - 1) {
-        limb_pose = rest;
-        SolveFrame(limb_.skeleton, problem(0), options_, &limb_pose, &scratch_);
-      } else if (c > 0) {
-        FrameProblem mirrored;
-        mirrored.bone_vectors =
-            MirroredBones(limb_, narrow, joints, observation.camera_from_ray, c);
-        mirrored.rest_prior = narrow.rest_prior;
-        SolveFrame(limb_.skeleton, mirrored, options_, &limb_pose, &scratch_);
+      candidates[c] = Fit(limb, c);
+      // What ends where the limb is already is no other hypothesis.
+      if (c > 0 && Distance(candidates[c], candidates[0]) < kSameLimb) {
+        candidates[c].cost = std::numeric_limits<double>::infinity();
       }
-      Candidate& candidate = candidates[c];
-      candidate.cost =
-          SolveFrame(limb_.skeleton, narrow, options_, &limb_pose, &scratch_).final_cost;
-      candidate.angles = limb_pose.tail(static_cast<Eigen::Index>(limb_.hinges.size()));
-      limb_pose.head<6>().setZero();
-      ForwardKinematics(limb_.skeleton, limb_pose, &state);
-      candidate.joints = state.joints.leftCols(PaperJoints());
     }
     return candidates;
   }
 
  private:
-  // Extra points follow the paper's joints and add nothing to continuity.
-  int PaperJoints() const {
-    int count = 0;
-    for (const SkeletonJoint& joint : limb_.skeleton.joints) {
-      count += static_cast<int>(joint.id) < kNumPaperJoints ? 1 : 0;
+  Candidate Fit(const Limb& limb, int c) {
+    Eigen::VectorXd limb_pose(limb.skeleton.num_dofs());
+    limb_pose.head<3>() = body_.origins.col(limb.anchor);
+    limb_pose.segment<3>(3) = LogSO3(body_.rotations[limb.anchor]);
+    const bool from_rest = c == kNumCandidates - 1;
+    for (size_t h = 0; h < limb.hinges.size(); ++h) {
+      limb_pose[6 + h] = (from_rest ? relaxed_ : pose_)[6 + limb.hinges[h]];
     }
-    return count;
+    const FrameProblem narrow = narrow_.Restricted(limb.joint_index, limb.hinges);
+    const auto solve = [&](const FrameProblem& problem) {
+      return SolveFrame(limb.skeleton, problem, options_, &limb_pose, &scratch_).final_cost;
+    };
+    KinematicState state;
+    if (from_rest) {
+      solve(wide_.Restricted(limb.joint_index, limb.hinges));
+    } else if (c > 0) {
+      ForwardKinematics(limb.skeleton, limb_pose, &state);
+      FrameProblem mirrored;
+      mirrored.bone_vectors = MirroredBones(limb, narrow, state.joints, camera_from_ray_, c);
+      mirrored.rest_prior = narrow.rest_prior;
+      solve(mirrored);
+    }
+    Candidate candidate;
+    candidate.cost = solve(narrow);
+    candidate.angles = limb_pose.tail(static_cast<Eigen::Index>(limb.hinges.size()));
+    limb_pose.head<6>().setZero();
+    ForwardKinematics(limb.skeleton, limb_pose, &state);
+    candidate.joints = state.joints.leftCols(limb.num_paper_joints);
+    return candidate;
   }
 
-  const ClipEvidence& evidence_;
-  const Limb& limb_;
+  // Of the joint that is farthest.
+  static double Distance(const Candidate& a, const Candidate& b) {
+    return (a.joints - b.joints).colwise().norm().maxCoeff();
+  }
+
+  const Eigen::VectorXd pose_;
+  const Eigen::VectorXd relaxed_;
+  const FrameProblem narrow_;
+  const FrameProblem wide_;  // plain squares
+  const Eigen::Matrix3d camera_from_ray_;
   FrameSolveOptions options_;
-  Eigen::VectorXd relaxed_;
+  KinematicState body_;
   FrameSolveScratch scratch_;
 };
 
@@ -174,34 +188,126 @@ double TransitionCost(const Candidate& a, const Candidate& b, double seconds) {
   return cost;
 }
 
-// Index of the chosen candidate of each of the frames, which lie `seconds` apart.
-std::vector<int> BestPath(const std::vector<const Candidates*>& frames, double seconds,
-                          double lasting_share) {
-  const double evidence_weight =
-      seconds / std::max(seconds, lasting_share * kEvidenceSeconds) / kNoiseCost;
-  std::vector<std::array<double, kNumCandidates>> cost(frames.size());
-  std::vector<std::array<int, kNumCandidates>> from(frames.size());
-  for (size_t i = 0; i < frames.size(); ++i) {
+// A frame whose candidates are known, and for how many frames it stands.
+struct Sample {
+  int frame = 0;
+  double weight = 1;
+};
+
+// Index of the chosen candidate of each sample.
+std::vector<int> BestPath(const std::vector<Sample>& samples, const std::vector<Candidates>& frames,
+                          double fps, double evidence_weight) {
+  std::vector<std::array<double, kNumCandidates>> cost(samples.size());
+  std::vector<std::array<int, kNumCandidates>> from(samples.size());
+  for (size_t i = 0; i < samples.size(); ++i) {
+    const Candidates& here = frames[samples[i].frame];
     for (int c = 0; c < kNumCandidates; ++c) {
       double best = i == 0 ? 0 : std::numeric_limits<double>::infinity();
       from[i][c] = 0;
       for (int p = 0; i > 0 && p < kNumCandidates; ++p) {
+        const double seconds = (samples[i].frame - samples[i - 1].frame) / fps;
         const double through =
-            cost[i - 1][p] + TransitionCost((*frames[i - 1])[p], (*frames[i])[c], seconds);
+            cost[i - 1][p] + TransitionCost(frames[samples[i - 1].frame][p], here[c], seconds);
         if (through < best) {
           best = through;
           from[i][c] = p;
         }
       }
-      cost[i][c] = best + evidence_weight * (*frames[i])[c].cost;
+      cost[i][c] = best + samples[i].weight * evidence_weight * here[c].cost;
     }
   }
-  std::vector<int> path(frames.size());
+  std::vector<int> path(samples.size());
   path.back() = static_cast<int>(std::min_element(cost.back().begin(), cost.back().end()) -
                                  cost.back().begin());
-  for (size_t i = frames.size() - 1; i > 0; --i) path[i - 1] = from[i][path[i]];
+  for (size_t i = samples.size() - 1; i > 0; --i) path[i - 1] = from[i][path[i]];
   return path;
 }
+
+// The search over the frames of one run without gaps.
+class RunSearch {
+ public:
+  RunSearch(const ClipEvidence& evidence, const FrameInitialization& initialization,
+            const std::vector<Limb>& limbs, int begin, int end, Eigen::MatrixXd* poses)
+      : evidence_(evidence),
+        initialization_(initialization),
+        limbs_(limbs),
+        begin_(begin),
+        end_(end),
+        poses_(poses),
+        candidates_(limbs.size(), std::vector<Candidates>(end - begin)),
+        known_(end - begin, false) {}
+
+  // Candidates are tried in every few frames, and in all frames near those that change by that.
+  void Run() {
+    const int num_frames = end_ - begin_;
+    const int stride = std::max(1, static_cast<int>(evidence_.fps() * kSampleSeconds));
+    std::vector<bool> wanted(num_frames, false);
+    for (int i = 0; i < num_frames; i += stride) wanted[i] = true;
+    wanted.back() = true;
+    Eigen::ArrayXXi chosen = Choose(wanted);
+    if (stride > 1) {
+      for (int i = 0; i < num_frames; ++i) {
+        const int first = std::max(0, i - stride);
+        const int count = std::min(num_frames, i + stride + 1) - first;
+        wanted[i] = wanted[i] || (chosen.middleCols(first, count) != 0).any();
+      }
+      chosen = Choose(wanted);
+    }
+    for (size_t l = 0; l < limbs_.size(); ++l) {
+      for (int i = 0; i < num_frames; ++i) {
+        const int c = chosen(static_cast<Eigen::Index>(l), i);
+        if (c == 0) continue;  // as it is
+        const Eigen::VectorXd& angles = candidates_[l][i][c].angles;
+        for (size_t h = 0; h < limbs_[l].hinges.size(); ++h) {
+          (*poses_)(6 + limbs_[l].hinges[h], begin_ + i) = angles[h];
+        }
+      }
+    }
+  }
+
+ private:
+  // The choice per limb and frame; 0 in frames that are not wanted.
+  Eigen::ArrayXXi Choose(const std::vector<bool>& wanted) {
+    const int num_frames = end_ - begin_;
+    std::vector<Sample> samples;
+    for (int i = 0; i < num_frames; ++i) {
+      if (wanted[i]) samples.push_back({i, 1});
+    }
+    for (size_t i = 0; i < samples.size(); ++i) {
+      const int before = i == 0 ? -1 : samples[i - 1].frame;
+      const int after = i + 1 == samples.size() ? num_frames : samples[i + 1].frame;
+      samples[i].weight = 0.5 * (after - before);
+    }
+    ParallelFor(static_cast<int>(samples.size()), evidence_.options().num_threads, [&](int i) {
+      const int f = samples[i].frame;
+      if (known_[f]) return;
+      LimbFitter fit(evidence_, initialization_.observations[begin_ + f], poses_->col(begin_ + f));
+      for (size_t l = 0; l < limbs_.size(); ++l) candidates_[l][f] = fit.Fit(limbs_[l]);
+      known_[f] = true;
+    });
+    const double lasting_frames =
+        kEvidenceSeconds * evidence_.fps() * (1 - evidence_.white_share());
+    const double evidence_weight = 1 / std::max(1.0, lasting_frames) / kNoiseCost;
+    Eigen::ArrayXXi chosen = Eigen::ArrayXXi::Zero(limbs_.size(), num_frames);
+    for (size_t l = 0; l < limbs_.size(); ++l) {
+      const std::vector<int> path =
+          BestPath(samples, candidates_[l], evidence_.fps(), evidence_weight);
+      for (size_t i = 0; i < samples.size(); ++i) {
+        chosen(static_cast<Eigen::Index>(l), samples[i].frame) = path[i];
+      }
+    }
+    return chosen;
+  }
+
+  const ClipEvidence& evidence_;
+  const FrameInitialization& initialization_;
+  const std::vector<Limb>& limbs_;
+  int begin_;
+  int end_;
+  Eigen::MatrixXd* poses_;
+  std::vector<std::vector<Candidates>> candidates_;  // per limb and frame
+  std::vector<char> known_;                          // per frame
+};
 
 }  // namespace
 
@@ -209,30 +315,11 @@ void ChooseLimbs(const ClipEvidence& evidence, const FrameInitialization& initia
                  Eigen::MatrixXd* poses) {
   const int num_frames = static_cast<int>(poses->cols());
   const std::vector<Limb> limbs = MakeLimbs(evidence.skeleton());
-  std::vector<std::vector<Candidates>> candidates(num_frames);
-  ParallelFor(num_frames, evidence.options().num_threads, [&](int f) {
-    if (!initialization.observed[f]) return;
-    for (const Limb& limb : limbs) {
-      candidates[f].push_back(
-          LimbFitter(evidence, limb).Fit(initialization.observations[f], poses->col(f)));
-    }
-  });
+  if (limbs.empty()) return;
   for (int begin = 0; begin < num_frames;) {
     int end = begin;
     while (end < num_frames && initialization.observed[end]) ++end;
-    for (size_t l = 0; begin < end && l < limbs.size(); ++l) {
-      std::vector<const Candidates*> frames;
-      for (int f = begin; f < end; ++f) frames.push_back(&candidates[f][l]);
-      const std::vector<int> path =
-          BestPath(frames, 1 / evidence.fps(), 1 - evidence.white_share());
-      for (int f = begin; f < end; ++f) {
-        if (path[f - begin] == 0) continue;  // as it is
-        const Candidate& chosen = candidates[f][l][path[f - begin]];
-        for (size_t h = 0; h < limbs[l].hinges.size(); ++h) {
-          (*poses)(6 + limbs[l].hinges[h], f) = chosen.angles[h];
-        }
-      }
-    }
+    if (begin < end) RunSearch(evidence, initialization, limbs, begin, end, poses).Run();
     begin = end + 1;
   }
 }

@@ -22,7 +22,8 @@ constexpr double kRejectedMm = 150;
 constexpr double kTypicalMm = 50;
 constexpr double kSwapFactor = 1.5;
 constexpr int kNumRounds = 3;
-constexpr double kRoughTolerance = 30;  // of all rounds but the last, times the options'
+constexpr double kMaxAdaptations = 3;   // of the smoothness, in the last round
+constexpr double kRoughTolerance = 30;  // of all solutions but the last, times the options'
 
 class Stopwatch {
  public:
@@ -174,8 +175,10 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
       if (progress && !progress({"proportions", round, num_rounds - 1})) track.cancelled = true;
     }
     if (round > 0 && options.test_depth_flips) ChooseLimbs(evidence, initialization, &track.poses);
-    BatchSolveOptions solver = options.batch_solver;
-    if (round + 1 < num_rounds) solver.relative_tolerance *= kRoughTolerance;
+    BatchSolveOptions rough_solver = options.batch_solver;
+    rough_solver.relative_tolerance *= kRoughTolerance;
+    const bool last_round = round + 1 == num_rounds;
+    const double max_adaptations = options.adaptive_band && last_round ? kMaxAdaptations : 0;
     std::vector<Eigen::MatrixXd> solved(windows.size());
     // Groups of a few windows keep the threads busy and let the callback stop between them.
     const int group = 4 * num_threads;
@@ -183,10 +186,16 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
       const int count = std::min(group, track.num_windows - first);
       ParallelFor(count, num_threads, [&](int i) {
         const Window& window = windows[first + i];
-        const BatchProblem problem =
+        BatchProblem problem =
             MakeWindowProblem(evidence, initialization, window, track.poses, before);
         solved[first + i] = track.poses.middleCols(window.begin, window.size());
-        SolveBatch(problem, solver, &solved[first + i]);
+        const long num_adaptations =
+            std::lround(max_adaptations * ObservedShare(initialization, window));
+        for (long adaptation = 0; adaptation < num_adaptations; ++adaptation) {
+          SolveBatch(problem, rough_solver, &solved[first + i]);
+          AdaptSmoothness(initialization, window, solved[first + i], &problem);
+        }
+        SolveBatch(problem, last_round ? options.batch_solver : rough_solver, &solved[first + i]);
       });
       if (progress) {
         const int done = round * track.num_windows + first + count;

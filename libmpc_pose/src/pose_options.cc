@@ -10,6 +10,8 @@ namespace mpc {
 
 PoseOptions PoseOptions::Paper() {
   PoseOptions options;
+  options.window_frames = 50;
+  options.overlap_frames = 10;
   options.basis_size = 8;
   options.weight_smooth = 50;
   options.soft_band = false;

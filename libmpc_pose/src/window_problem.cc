@@ -30,19 +30,6 @@ void SetSmoothness(const PoseOptions& options, double fps, int num_frames, Batch
   }
 }
 
-// The band's penalties after the spectrum of an earlier solution of the clip.
-void AdaptBand(const FrameInitialization& initialization, const Window& window,
-               const Eigen::MatrixXd& solved, BatchProblem* problem) {
-  const Eigen::MatrixXd spectrum =
-      SubspaceCoefficients(*problem, solved.middleCols(window.begin, window.size()));
-  // What was not observed shows no motion.
-  const auto first = initialization.observed.begin() + window.begin;
-  const double observed_share =
-      static_cast<double>(std::count(first, first + window.size(), true)) / window.size();
-  problem->band_penalty =
-      observed_share * AdaptedShares(spectrum, problem->smoothness, kNoiseCost, kMaxBandPenalty);
-}
-
 }  // namespace
 
 std::vector<FrameProblem> MakeFrameProblems(const ClipEvidence& evidence,
@@ -64,6 +51,20 @@ std::vector<FrameProblem> MakeFrameProblems(const ClipEvidence& evidence,
   return frames;
 }
 
+double ObservedShare(const FrameInitialization& initialization, const Window& window) {
+  const auto first = initialization.observed.begin() + window.begin;
+  return static_cast<double>(std::count(first, first + window.size(), true)) / window.size();
+}
+
+void AdaptSmoothness(const FrameInitialization& initialization, const Window& window,
+                     const Eigen::MatrixXd& solved, BatchProblem* problem) {
+  problem->band_penalty =
+      // What was not observed shows no motion.
+      ObservedShare(initialization, window) * AdaptedShares(SubspaceCoefficients(*problem, solved),
+                                                            problem->smoothness, kNoiseCost,
+                                                            kMaxBandPenalty);
+}
+
 BatchProblem MakeWindowProblem(const ClipEvidence& evidence,
                                const FrameInitialization& initialization, const Window& window,
                                const Eigen::MatrixXd& poses, const Eigen::MatrixXd& solved) {
@@ -72,7 +73,8 @@ BatchProblem MakeWindowProblem(const ClipEvidence& evidence,
   problem.frames = MakeFrameProblems(evidence, initialization, window, poses, problem.skeleton);
   SetSmoothness(evidence.options(), evidence.fps(), window.size(), &problem);
   if (solved.size() > 0 && evidence.options().adaptive_band) {
-    AdaptBand(initialization, window, solved, &problem);
+    AdaptSmoothness(initialization, window, solved.middleCols(window.begin, window.size()),
+                    &problem);
   }
   return problem;
 }

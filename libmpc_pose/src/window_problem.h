@@ -26,4 +26,12 @@ BatchProblem MakeWindowProblem(const ClipEvidence& evidence,
                                const FrameInitialization& initialization, const Window& window,
                                const Eigen::MatrixXd& poses, const Eigen::MatrixXd& solved);
 
+// Share of the window's frames in which somebody was seen.
+double ObservedShare(const FrameInitialization& initialization, const Window& window);
+
+// Gives each dof of the window's problem its smoothness from the spectrum of `solved` (N x the
+// window's size), an earlier solution of it.
+void AdaptSmoothness(const FrameInitialization& initialization, const Window& window,
+                     const Eigen::MatrixXd& solved, BatchProblem* problem);
+
 }  // namespace mpc

@@ -45,6 +45,8 @@ struct SteppedProblem {
 struct ReducedSystem {
   Eigen::MatrixXd hessian;   // P x P, of half the cost
   Eigen::VectorXd gradient;  // P
+  double data_cost = 0;      // of the frames, without E_d
+  int num_residuals = 0;     // of the frames
 };
 
 // That system at `poses` (N x F). Derivatives are difference quotients: stepped[p] is the problem

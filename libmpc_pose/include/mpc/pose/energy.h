@@ -26,6 +26,7 @@ namespace mpc {
 struct PosePoint {
   Eigen::VectorXd pose;  // N; entries 3..5 are ignored in favour of root_rotation
   Eigen::Matrix3d root_rotation = Eigen::Matrix3d::Identity();  // body_from_root
+  bool fixed_root = false;  // the root does not move: its dofs are not in joint_dofs
   KinematicState state;
   // Valid where derivatives are asked for:
   Eigen::MatrixXd joint_jacobian;            // 3J x N

@@ -9,8 +9,8 @@ namespace mpc {
 
 struct PoseOptions {
   // Windows. Paper: 50 frames, 10 overlap.
-  int window_frames = 50;   // >= 2
-  int overlap_frames = 10;  // in [1, window_frames / 2]
+  int window_frames = 100;  // >= 2
+  int overlap_frames = 20;  // in [1, window_frames / 2]
 
   // Trajectory subspace, E_d.
   int basis_size = 0;          // K; 0: from the frame rate and cutoff_hz. Paper: 8

@@ -108,7 +108,7 @@ void FillHull(const Camera& camera, const Eigen::Matrix3Xf& points, cv::Mat* mas
 void MarkBox(const Camera& camera, const Eigen::Vector3d& lamp, const Eigen::AlignedBox3f& box,
              cv::Mat* mask) {
   Eigen::Matrix3Xf points(3, 16);
-  for (int i = 0; i < 8; ++i) {
+  for (Eigen::Index i = 0; i < 8; ++i) {
     points.col(2 * i) = box.corner(static_cast<Eigen::AlignedBox3f::CornerType>(i));
     const Eigen::Vector3d x = points.col(2 * i).cast<double>();
     points.col(2 * i + 1) = (lamp + lamp.y() / (lamp.y() - x.y()) * (x - lamp)).cast<float>();
@@ -154,6 +154,7 @@ void MarkContact(const Camera& camera, const Eigen::AlignedBox3f& actor, cv::Mat
 
 std::vector<const TriangleMesh*> Bodies(const std::vector<LitMesh>& meshes) {
   std::vector<const TriangleMesh*> bodies;
+  bodies.reserve(meshes.size());
   for (const LitMesh& lit : meshes) bodies.push_back(&lit.mesh);
   return bodies;
 }

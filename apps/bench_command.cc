@@ -234,18 +234,22 @@ int Run(const Arguments& arguments) {
   const std::vector<ClipResult> expected =
       arguments.expected.empty() ? std::vector<ClipResult>() : ReadResults(arguments.expected);
   std::vector<ClipResult> results;
+  bool is_complete = false;
   {
     Bench bench(arguments);
-    if (!bench.Run()) {
-      PrintMessage("error", "interrupted: finished clips are in " + arguments.output.string() +
-                                ", the same command goes on with the rest");
-      return kExitInterrupted;
-    }
+    is_complete = bench.Run();
     results = bench.results();
+  }
+  const std::string tables = results.empty() ? "" : ResultTables(results);
+  if (!is_complete) {
+    std::printf("%s", tables.c_str());
+    PrintMessage("error", fmt::format("interrupted after {} clips: they are kept in {}, the same "
+                                      "command goes on with the rest",
+                                      results.size(), arguments.output.string()));
+    return kExitInterrupted;
   }
   Json json = {{"format", "mpc-bench"}, {"version", 1}, {"suite", arguments.suite}};
   for (const ClipResult& result : results) json["clips"].push_back(ResultJson(result));
-  const std::string tables = ResultTables(results);
   mpc::WriteFileAtomically(arguments.output / "results.json", json.dump(1) + "\n");
   mpc::WriteFileAtomically(arguments.output / "results.md", tables);
   std::printf("%s", tables.c_str());

@@ -94,8 +94,10 @@ class ScoreList {
   void AddDifference(const char* key, const char* label, const mpc::SecondDifference& difference,
                      const std::string& scored) {
     Add({key, "mean_mm_per_frame2", label, difference.mean_mm_per_frame2, "mm/frame^2",
-         fmt::format("{}, {:.3g} m/s^2", scored, difference.mean_mm_per_s2 / 1000), "none",
-         evaluation_.num_frames()});
+         std::isfinite(difference.mean_mm_per_s2)
+             ? fmt::format("{}, {:.3g} m/s^2", scored, difference.mean_mm_per_s2 / 1000)
+             : scored,
+         "none", evaluation_.num_frames()});
   }
 
   const Evaluation& evaluation_;

@@ -227,6 +227,9 @@ bool WriteSyntheticClip(const SyntheticClipRequest& request, std::string* summar
                            request.fps, request.num_threads);
   ConsoleProgress console(request.quiet);
   const auto progress = [&console](const mpc::Progress& step) { return console(step); };
+  if (request.motion == mpc::MotionName(mpc::MotionKind::kSit)) {
+    acting.stool = mpc::StoolUnder(actor.dressed, actor.character, acting.poses.col(0));
+  }
   acting.vertices =
       mpc::Perform(actor.dressed, actor.character, acting.poses, request.fps, progress);
   const mpc::SyntheticPerformance performance =

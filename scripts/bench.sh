@@ -36,10 +36,19 @@ for library in "${libraries[@]}"; do
         return sprintf("%.3g s", ns / 1e9)
       }
       BEGIN { unit["ns"] = 1; unit["us"] = 1e3; unit["ms"] = 1e6; unit["s"] = 1e9 }
+      # "Name",,,,,,,,true,"why it could not run"
+      $9 == "true" && $1 !~ /_Baseline/ && !($1 in told) {
+        told[$1] = 1
+        name = $1
+        gsub(/"|\/iterations:[0-9]+/, "", name)
+        sub(/^.*,true,/, "")
+        gsub(/"/, "")
+        printf "| %s | %s | not run: %s | | | |\n", library, name, $0
+      }
       # "Name/arguments_median",iterations,real_time,cpu_time,time_unit,...
       $1 ~ /_median"?$/ {
         name = $1
-        gsub(/"|_median"?$/, "", name)
+        gsub(/"|_median"?$|\/iterations:[0-9]+/, "", name)
         time[name] = $4 * unit[$5]
         order[n++] = name
       }

@@ -6,15 +6,18 @@
   convert_dataset.py h36m-npz data_3d_h36m.npz --subject S9 --action "Walking 1" --camera cam.json -o FOLDER
   convert_dataset.py 3dpw sequenceFiles/test/downtown_walking_00.pkl --person 0 -o FOLDER
   convert_dataset.py 3dhp S1/Seq1 --camera 0 -o FOLDER
+  convert_dataset.py monoperfcap Pablo_outdoor --fps 30 -o FOLDER
 
 Needs numpy; h36m-h5 also h5py, 3dhp also scipy. `--video` and `--masks` name files to be evaluated
 with the clip. Joints that are not ours (such as a mean of toes) are left out, never renamed."""
 
 import argparse
+import glob
 import json
 import os
 import pickle
 import re
+import struct
 import sys
 
 import numpy as np
@@ -75,6 +78,7 @@ class Clip:
         self.names, self.joints, self.fps = names, joints, fps
         self.camera, self.motion = camera, motion
         self.names_2d, self.detections = [], None  # F x J x 3: pixels and confidence
+        self.vertices, self.masks = None, None  # F x V x 3 in the world; a folder
 
     def write(self, folder, video, masks):
         if not len(self.joints):
@@ -105,12 +109,22 @@ class Clip:
                 "joints": [own_name(n) for n in self.names_2d],
                 "frames": [[[float(x), float(y), float(np.clip(c, 0, 1))] if c > 0 else None
                             for x, y, c in frame] for frame in self.detections]})
-        for key, path in (("video", video), ("masks", masks)):
+        if self.vertices is not None:
+            truth["vertices"] = "vertices.pc2"
+            write_pc2(os.path.join(folder, "vertices.pc2"), self.vertices)
+        for key, path in (("video", video), ("masks", masks or self.masks)):
             if path:
                 if not os.path.exists(path):
                     raise Fault(f"{path} does not exist")
                 truth[key] = os.path.relpath(path, folder)
         dump("truth.json", truth)
+
+
+def write_pc2(path, vertices):
+    with open(path, "wb") as file:
+        file.write(b"POINTCACHE2\0" + struct.pack("<iiffi", 1, vertices.shape[1], 0, 1,
+                                                  len(vertices)))
+        file.write(vertices.astype("<f4").tobytes())
 
 
 def pick(table, array):
@@ -288,12 +302,73 @@ def read_calibration(path, camera):
     return (k[0], k[5], k[2], k[6], *found["size"][:2])
 
 
+def monoperfcap(args):
+    """A sequence of MonoPerfCap: calib.txt, and ground_truth with a mesh (.off) or mask per frame."""
+    found = lambda kind: sorted(glob.glob(os.path.join(args.input, "ground_truth", "*." + kind)))
+    meshes, masks = found("off"), found("png")
+    if not meshes and not masks:
+        raise Fault("there is no ground_truth/*.off and no ground_truth/*.png")
+    if meshes and masks and len(meshes) != len(masks):
+        raise Fault(f"ground_truth has {len(meshes)} meshes and {len(masks)} masks")
+    k, m = read_labelled_matrices(os.path.join(args.input, "calib.txt"))
+    rotation = orthonormal(m[:3, :3])
+    if np.linalg.det(rotation) < 0:
+        raise Fault("the second matrix of calib.txt is a mirror image")
+    vertices, unit = None, MM
+    if meshes:
+        frames = [read_off(path) for path in meshes]
+        for path, frame in zip(meshes, frames):
+            require_shape(frame, frames[0].shape, path)
+        vertices = np.array(frames)
+        tall = np.ptp(vertices[0], axis=0).max()
+        units = [u for u in (1, 1e-2, MM) if 0.5 <= tall * u <= 3]
+        if not units:
+            raise Fault(f"a mesh of {tall:.4g} units is no person in metres, centimetres or millimetres")
+        unit = units[0]
+        vertices = vertices * unit
+    width, height = args.size or (round(2 * k[0, 2]), round(2 * k[1, 2]))
+    camera = pinhole("monoperfcap", k[0, 0], k[1, 1], k[0, 2], k[1, 2], width, height)
+    camera["R"], camera["t"] = rotation.tolist(), (m[:3, 3] * unit).tolist()
+    names = [name for name in H36M_32 if name not in ("MidHip", "Neck", "Head")]
+    clip = Clip(names, np.full((len(meshes or masks), len(names), 3), np.nan), args.fps or 30, camera)
+    clip.vertices, clip.masks = vertices, os.path.dirname(masks[0]) if masks else None
+    return clip
+
+
+def read_labelled_matrices(path):
+    """Of lines of a word and 16 numbers, the first two: intrinsics, and camera from world."""
+    matrices = []
+    with open(path) as file:
+        for line in file:
+            words = line.split()
+            if len(words) == 17:
+                matrices.append(np.array(words[1:], float).reshape(4, 4))
+    if len(matrices) < 2:
+        raise Fault(f"{path} has no two lines of a word and 16 numbers: intrinsics and extrinsics")
+    return matrices[:2]
+
+
+def read_off(path):
+    """The vertices of an OFF file, V x 3."""
+    with open(path) as file:
+        words = [w for line in file for w in line.split("#")[0].split()]
+    if words[:1] != ["OFF"] or len(words) < 4:
+        raise Fault(f"{path} is no OFF file")
+    count = int(words[1])
+    if count < 1 or len(words) < 4 + 3 * count:
+        raise Fault(f"{path} ends before its {count} vertices")
+    vertices = np.array(words[4:4 + 3 * count], float).reshape(-1, 3)
+    if not np.isfinite(vertices).all():
+        raise Fault(f"{path} has a vertex that is not finite")
+    return vertices
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     commands = parser.add_subparsers(dest="layout", required=True)
     for layout, convert in (("h36m-h5", h36m_h5), ("h36m-npz", h36m_npz), ("3dpw", three_dpw),
-                            ("3dhp", three_dhp)):
+                            ("3dhp", three_dhp), ("monoperfcap", monoperfcap)):
         command = commands.add_parser(layout, help=convert.__doc__)
         command.set_defaults(convert=convert)
         command.add_argument("input")
@@ -303,7 +378,7 @@ def main():
         command.add_argument("--fps", type=float, help="where the files do not say it")
         command.add_argument("--size", type=lambda s: tuple(map(int, re.split("x", s))),
                              help="WxH of the video, where the files do not say it")
-        if layout != "3dpw":
+        if layout not in ("3dpw", "monoperfcap"):
             command.add_argument("--camera", required=True)
         if layout == "h36m-npz":
             command.add_argument("--subject", required=True)

@@ -155,9 +155,13 @@ JointErrors CompareJoints(std::span<const JointId> joints, const Eigen::MatrixXd
       const Eigen::Vector3d centre = pair.estimate.rowwise().mean();
       if ((pair.estimate.colwise() - centre).squaredNorm() > 0) {
         const Eigen::Matrix4d truth_from_estimate = Eigen::umeyama(pair.estimate, pair.truth, true);
-        const Eigen::Matrix3Xd aligned =
+        Eigen::Matrix3Xd aligned =
             (truth_from_estimate.topLeftCorner<3, 3>() * pair.estimate).colwise() +
             truth_from_estimate.topRightCorner<3, 1>();
+        // Rounding must not make the best similarity worse than none: the truth is 0 from itself.
+        if ((pair.estimate - pair.truth).squaredNorm() <= (aligned - pair.truth).squaredNorm()) {
+          aligned = pair.estimate;
+        }
         similarity.Add(f, pair.joints, aligned, pair.truth);
       }
     }

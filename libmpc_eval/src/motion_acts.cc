@@ -242,7 +242,7 @@ void Kick(double t, double, PoseBuilder* body) {
   body->Angle("spine_twist", 0.25 * (front - back));
 }
 
-// Down onto a seat that is not there, and up again.
+// Down onto a seat, and up again.
 void Sit(double t, double, PoseBuilder* body) {
   const double period = 4;
   const double s = t - period * std::floor(t / period);
@@ -258,8 +258,10 @@ void Sit(double t, double, PoseBuilder* body) {
     body->Angle(side + "hip_abduction", 0.10);
     body->Angle(side + "knee_flexion", knee);
     body->Angle(side + "ankle_flexion", lean - hip + knee);
-    body->Angle(side + "shoulder_flexion", 0.05 + 0.40 * down + 0.5 * moving);
-    body->Angle(side + "elbow_flexion", 0.26 + 0.75 * down - 0.3 * moving);
+    // The hands come to lie on the thighs.
+    body->Angle(side + "shoulder_flexion", 0.05 + 0.20 * down + 0.5 * moving);
+    body->Angle(side + "shoulder_twist", 0.35 * down);
+    body->Angle(side + "elbow_flexion", 0.26 + 0.79 * down - 0.3 * moving);
   }
   body->Angle("spine_flexion", 0.10 * down + 0.10 * moving);
   body->Angle("neck_flexion", -0.35 * moving);

@@ -39,6 +39,7 @@ class Builder {
         break;
     }
     if (options_.occluders) Occluders();
+    if (stage_.stool) SeatedOn(*stage_.stool);
     return std::move(place_);
   }
 
@@ -352,6 +353,24 @@ class Builder {
     place_.occluders.push_back(Box({box_x - half, 0, z - 0.2},
                                    {box_x + half, dice_.Between(0.4, 0.65), z + 0.2},
                                    Made(PlanksTexture(&dice_), 1.2)));
+  }
+
+  void SeatedOn(const Stool& stool) {
+    constexpr double kLegM = 0.035, kBoardM = 0.03, kInsetM = 0.02;
+    const Material wood = Made(PlanksTexture(&dice_), 0.7);
+    const Vector3d corner(0.5 * stool.side_m, kBoardM, 0.5 * stool.side_m);
+    std::vector<LitMesh> parts = {
+        Box(stool.top - corner, stool.top + corner.cwiseProduct(Vector3d(1, 0, 1)), wood)};
+    const double reach = 0.5 * stool.side_m - kInsetM - 0.5 * kLegM;
+    for (const double x : {-reach, reach}) {
+      for (const double z : {-reach, reach}) {
+        const Vector3d leg(stool.top.x() + x, 0, stool.top.z() + z);
+        const Vector3d half(0.5 * kLegM, 0, 0.5 * kLegM);
+        parts.push_back(
+            Box(leg - half, leg + half + Vector3d(0, stool.top.y() - kBoardM, 0), wood));
+      }
+    }
+    place_.occluders.push_back(Merged(parts));
   }
 
   const SceneOptions& options_;

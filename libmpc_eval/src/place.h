@@ -30,7 +30,7 @@ struct Place {
   std::vector<LitMesh> standing;  // walls, furniture, trees, sky; the first is the floor
   std::vector<size_t> casts;      // those of them that cast shadows
   std::vector<Mover> movers;
-  std::vector<LitMesh> occluders;  // between actor and camera
+  std::vector<LitMesh> occluders;  // between actor and camera, and what the actor sits on
   Lighting lighting;
 };
 

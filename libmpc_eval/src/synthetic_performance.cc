@@ -121,6 +121,7 @@ std::unique_ptr<SyntheticScene> MakeScene(const SyntheticPerformance& performanc
     stage.actor.extend(vertices.rowwise().maxCoeff().cast<double>());
     stage.camera.extend(performance.camera.At(f).Inverse().translation);
   }
+  stage.stool = performance.acting.stool;
   const Camera& camera = performance.camera.camera;
   stage.half_fov_rad = std::atan(0.5 * camera.width / camera.fx);
   return std::make_unique<SyntheticScene>(performance.options.scene, stage, rig, character,

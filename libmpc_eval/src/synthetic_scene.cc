@@ -3,7 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <optional>
@@ -75,6 +77,7 @@ SceneMoment Around(const SceneMoment& previous, const SceneMoment& current, cons
 
 constexpr float kShadeMarginM = 0.06f;    // of a shadow around a body, for the lamp's size
 constexpr float kContactMarginM = 0.35f;  // of its darkness on the floor
+constexpr float kPieceM = 0.25f;          // of a body whose reach is marked
 
 // Draws the convex hull of points of the world onto a mask, a few pixels wider.
 void FillHull(const Camera& camera, const Eigen::Matrix3Xf& points, cv::Mat* mask) {
@@ -100,31 +103,58 @@ void FillHull(const Camera& camera, const Eigen::Matrix3Xf& points, cv::Mat* mas
   cv::fillConvexPoly(*mask, std::vector<cv::Point>(hull.begin(), hull.end()), 255);
 }
 
-// Marks the part of the picture that a moving body can cover or shade: its box and where the lamp
-// throws that onto the floor (a shadow on anything else lies on the way there), and the floor beside
-// it, which it darkens.
-void MarkReach(const Camera& camera, const Eigen::Vector3d& lamp, const Eigen::Matrix3Xf& positions,
-               cv::Mat* mask) {
-  const Eigen::Vector3f least = positions.rowwise().minCoeff();
-  const Eigen::Vector3f most = positions.rowwise().maxCoeff();
-  Eigen::Matrix3Xf box(3, 16), floor(3, 4);
-  for (int i = 0; i < 8; ++i) {
-    const auto corner = [&](float margin) {
-      return Eigen::Vector3f((i & 1) != 0 ? most.x() + margin : least.x() - margin,
-                             (i & 2) != 0 ? most.y() + margin : least.y() - margin,
-                             (i & 4) != 0 ? most.z() + margin : least.z() - margin);
-    };
-    box.col(2 * i) = corner(kShadeMarginM);
-    const Eigen::Vector3d x = box.col(2 * i).cast<double>();
-    box.col(2 * i + 1) = (lamp + lamp.y() / (lamp.y() - x.y()) * (x - lamp)).cast<float>();
-    floor.col(i / 4 * 2 + i % 2) = corner(kContactMarginM).cwiseProduct(Eigen::Vector3f(1, 0, 1));
+// Marks the part of the picture that a box can cover or shade: itself and where the lamp throws it
+// onto the floor (a shadow on anything else lies on the way there).
+void MarkBox(const Camera& camera, const Eigen::Vector3d& lamp, const Eigen::AlignedBox3f& box,
+             cv::Mat* mask) {
+  Eigen::Matrix3Xf points(3, 16);
+  for (Eigen::Index i = 0; i < 8; ++i) {
+    points.col(2 * i) = box.corner(static_cast<Eigen::AlignedBox3f::CornerType>(i));
+    const Eigen::Vector3d x = points.col(2 * i).cast<double>();
+    points.col(2 * i + 1) = (lamp + lamp.y() / (lamp.y() - x.y()) * (x - lamp)).cast<float>();
   }
-  FillHull(camera, box, mask);
+  FillHull(camera, points, mask);
+}
+
+// Marks the part of the picture that a body can cover or shade while it moves past three places, piece
+// by piece. Returns the box around all.
+Eigen::AlignedBox3f MarkReach(const Camera& camera, const Eigen::Vector3d& lamp,
+                              const Triangles& triangles,
+                              const std::array<const Eigen::Matrix3Xf*, 3>& times, cv::Mat* mask) {
+  std::map<std::array<int, 3>, Eigen::AlignedBox3f> pieces;  // by where their triangles are now
+  Eigen::AlignedBox3f all;
+  for (const auto& t : triangles.colwise()) {
+    const Eigen::Array3f cell = (times[1]->col(t[0]).array() / kPieceM).floor();
+    Eigen::AlignedBox3f& piece =
+        pieces[{static_cast<int>(cell[0]), static_cast<int>(cell[1]), static_cast<int>(cell[2])}];
+    for (const Eigen::Matrix3Xf* positions : times) {
+      for (const int v : t) piece.extend(positions->col(v));
+    }
+  }
+  const Eigen::Vector3f margin = Eigen::Vector3f::Constant(kShadeMarginM);
+  for (const auto& [cell, piece] : pieces) {
+    all.extend(piece);
+    MarkBox(camera, lamp, {piece.min() - margin, piece.max() + margin}, mask);
+  }
+  return all;
+}
+
+// Marks the floor beside the actor, which is darker.
+void MarkContact(const Camera& camera, const Eigen::AlignedBox3f& actor, cv::Mat* mask) {
+  Eigen::Matrix3Xf floor(3, 4);
+  for (int i = 0; i < 4; ++i) {
+    const Eigen::Vector3f corner =
+        actor.corner(static_cast<Eigen::AlignedBox3f::CornerType>(i % 2 + i / 2 * 4));
+    const float dx = i % 2 != 0 ? kContactMarginM : -kContactMarginM;
+    const float dz = i / 2 != 0 ? kContactMarginM : -kContactMarginM;
+    floor.col(i) << corner.x() + dx, 0, corner.z() + dz;
+  }
   FillHull(camera, floor, mask);
 }
 
 std::vector<const TriangleMesh*> Bodies(const std::vector<LitMesh>& meshes) {
   std::vector<const TriangleMesh*> bodies;
+  bodies.reserve(meshes.size());
   for (const LitMesh& lit : meshes) bodies.push_back(&lit.mesh);
   return bodies;
 }
@@ -227,16 +257,15 @@ struct SyntheticScene::Impl {
                      const SceneMoment& next, double seconds, double fps) const {
     const Eigen::Vector3d& lamp = place.lighting.lamp_in_world;
     cv::Mat part = cv::Mat::zeros(at_rest->height, at_rest->width, CV_8UC1);
-    const auto mark = [&](const Eigen::Matrix3Xf& a, const Eigen::Matrix3Xf& b,
-                          const Eigen::Matrix3Xf& c) {
-      Eigen::Matrix3Xf all(3, a.cols() + b.cols() + c.cols());
-      all << a, b, c;
-      MarkReach(*at_rest, lamp, all, &part);
-    };
-    mark(previous.vertices, current.vertices, next.vertices);
+    const Eigen::AlignedBox3f box =
+        MarkReach(*at_rest, lamp, actor.triangles(),
+                  {&previous.vertices, &current.vertices, &next.vertices}, &part);
+    MarkContact(*at_rest, box, &part);
     for (const Mover& mover : place.movers) {
-      const auto at = [&](double t) { return mover.At(seconds + t / fps).mesh.positions; };
-      mark(at(-0.5), at(0), at(0.5));
+      const auto at = [&](double t) { return mover.At(seconds + t / fps).mesh; };
+      const TriangleMesh before = at(-0.5), now = at(0), after = at(0.5);
+      MarkReach(*at_rest, lamp, now.triangles,
+                {&before.positions, &now.positions, &after.positions}, &part);
     }
     return part;
   }

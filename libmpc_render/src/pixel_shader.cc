@@ -3,20 +3,23 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace mpc {
 namespace {
 
+constexpr size_t kPrepared = 2048;        // triangles
 constexpr float kShadowOffsetM = 0.012f;  // along the normal, against a surface's own shadow
 
 Eigen::Array4f Light4(const Eigen::Array3f& bgr) { return {bgr[0], bgr[1], bgr[2], 0}; }
 
 // A linear function of the picture at pixel `at` and those to the right of it.
 LampView::Lanes Ramp(const Eigen::Vector3d& function, const Eigen::Vector3d& at) {
+  static_assert(kShadedTogether == 8);
+  constexpr std::array<float, kShadedTogether> kSteps = {0, 1, 2, 3, 4, 5, 6, 7};
   const auto first = static_cast<float>(function.dot(at));
-  return first +
-         static_cast<float>(function[0]) * LampView::Lanes::LinSpaced(0, kShadedTogether - 1);
+  return first + static_cast<float>(function[0]) * Eigen::Map<const LampView::Lanes>(kSteps.data());
 }
 
 LampView::Lanes Dot(const LampView::Points& points, const Eigen::Vector3f& with) {
@@ -52,7 +55,7 @@ DrawList MakeDrawList(const Camera& camera, const std::vector<const LitMesh*>& m
 }
 
 PixelShader::PixelShader(const Camera& camera, const DrawList& list, const LitScene& scene)
-    : camera_(camera), list_(list), scene_(scene) {
+    : camera_(camera), list_(list), scene_(scene), prepared_(kPrepared) {
   ray_from_pixel_ << 1 / camera.fx, 0, -camera.cx / camera.fx,  //
       0, 1 / camera.fy, -camera.cy / camera.fy,                 //
       0, 0, 1;
@@ -72,10 +75,10 @@ PixelShader::PixelShader(const Camera& camera, const DrawList& list, const LitSc
   }
 }
 
-void PixelShader::SetUp(int t) {
-  known_ = t;
+void PixelShader::Prepare(int t, Triangle* triangle) const {
+  triangle->id = t;
   const int m = list_.mesh_of[static_cast<size_t>(t)];
-  mesh_ = list_.meshes[static_cast<size_t>(m)];
+  const LitMesh* const mesh = triangle->mesh = list_.meshes[static_cast<size_t>(m)];
   const Eigen::Vector3i corners = list_.triangles.col(t);
   const Eigen::Vector3i own = corners.array() - list_.first_vertex[static_cast<size_t>(m)];
   Eigen::Matrix3d x;  // corners
@@ -83,87 +86,89 @@ void PixelShader::SetUp(int t) {
   Eigen::Matrix3d weights;  // . ray
   for (int i = 0; i < 3; ++i) weights.row(i) = x.col((i + 1) % 3).cross(x.col((i + 2) % 3));
   weights *= ray_from_pixel_;  // . (x, y, 1)
-  weight_sum_ = weights.colwise().sum();
-  if (mesh_->texture) {
+  triangle->weight_sum = weights.colwise().sum();
+  if (mesh->texture) {
     Eigen::Matrix<double, 2, 3> uv;
-    for (int i = 0; i < 3; ++i) uv.col(i) = mesh_->uv.col(own[i]).cast<double>();
-    uv_ = uv * weights;
+    for (int i = 0; i < 3; ++i) uv.col(i) = mesh->uv.col(own[i]).cast<double>();
+    triangle->uv = uv * weights;
     Eigen::Matrix3d homography;
-    homography << uv_, weight_sum_.transpose();
-    uv_area_ = static_cast<float>(std::abs(homography.determinant()));
-  } else if (mesh_->vertex_bgr.cols() > 0) {
+    homography << triangle->uv, triangle->weight_sum.transpose();
+    triangle->uv_area = static_cast<float>(std::abs(homography.determinant()));
+  } else if (mesh->vertex_bgr.cols() > 0) {
     Eigen::Matrix3d bgr;
     for (int i = 0; i < 3; ++i) {
-      bgr.col(i) = mesh_->vertex_bgr.col(own[i]).unaryExpr(&LinearFromByte).cast<double>();
+      bgr.col(i) = mesh->vertex_bgr.col(own[i]).unaryExpr(&LinearFromByte).cast<double>();
     }
-    colour_ = bgr * weights;
+    triangle->colour = bgr * weights;
   } else {
-    flat_colour_ = Eigen::Array4f(LinearFromByte(mesh_->bgr[0]), LinearFromByte(mesh_->bgr[1]),
-                                  LinearFromByte(mesh_->bgr[2]), 0);
+    triangle->flat_colour =
+        Eigen::Array4f(LinearFromByte(mesh->bgr[0]), LinearFromByte(mesh->bgr[1]),
+                       LinearFromByte(mesh->bgr[2]), 0);
   }
   const Eigen::Vector3d across = (x.col(1) - x.col(0)).cross(x.col(2) - x.col(0));
-  flat_normal_ = across.normalized().cast<float>();
-  if (across.dot(x.col(0)) > 0) flat_normal_ = -flat_normal_;
-  near_lamps_.clear();
-  smooth_ = mesh_->normals.cols() > 0;
-  if (smooth_) {
+  triangle->flat_normal = across.normalized().cast<float>();
+  if (across.dot(x.col(0)) > 0) triangle->flat_normal = -triangle->flat_normal;
+  triangle->near_lamps.clear();
+  triangle->smooth = mesh->normals.cols() > 0;
+  if (triangle->smooth) {
     Eigen::Matrix3d normals;
-    for (int i = 0; i < 3; ++i) normals.col(i) = mesh_->normals.col(own[i]).cast<double>();
-    normal_ = camera_.camera_from_world.rotation * normals * weights;
+    for (int i = 0; i < 3; ++i) normals.col(i) = mesh->normals.col(own[i]).cast<double>();
+    triangle->normal = camera_.camera_from_world.rotation * normals * weights;
   }
   const Eigen::Matrix3f in_front =
-      x.cast<float>().colwise() + Eigen::Vector3f(kShadowOffsetM * flat_normal_);
+      x.cast<float>().colwise() + Eigen::Vector3f(kShadowOffsetM * triangle->flat_normal);
   for (const LampView& view : lamps_) {
-    if (smooth_ || !view.Misses(in_front)) near_lamps_.push_back(&view);
+    if (triangle->smooth || !view.Misses(in_front)) triangle->near_lamps.push_back(&view);
   }
 }
 
 void PixelShader::Colour(const Eigen::Vector3d& at, int count, const Lanes& inverse,
                          Colours* colours) const {
-  if (mesh_->texture) {
+  if (now_->mesh->texture) {
     // Counted from the whole number below the first pixel's, so that floats are exact enough.
-    Eigen::Vector2d first = uv_ * at / weight_sum_.dot(at);
+    Eigen::Vector2d first = now_->uv * at / now_->weight_sum.dot(at);
     // A triangle seen edge-on may be sampled far outside.
     if (!(first.cwiseAbs().maxCoeff() < 1e6)) first.setZero();
     const Eigen::Matrix<double, 2, 3> uv =
-        uv_ - first.array().floor().matrix() * weight_sum_.transpose();
+        now_->uv - first.array().floor().matrix() * now_->weight_sum.transpose();
     const Lanes u = Ramp(uv.row(0), at) * inverse, v = Ramp(uv.row(1), at) * inverse;
-    const Lanes area = uv_area_ * (inverse * inverse * inverse).abs();
+    const Lanes area = now_->uv_area * (inverse * inverse * inverse).abs();
     for (int i = 0; i < count; ++i) {
       const bool inside = std::abs(u[i]) < 1e6f && std::abs(v[i]) < 1e6f;
-      colours->col(i) = inside ? mesh_->texture->Sample(u[i], v[i], area[i])
-                               : mesh_->texture->Sample(0.5f, 0.5f, 1);
+      colours->col(i) = inside ? now_->mesh->texture->Sample(u[i], v[i], area[i])
+                               : now_->mesh->texture->Sample(0.5f, 0.5f, 1);
     }
-  } else if (mesh_->vertex_bgr.cols() > 0) {
+  } else if (now_->mesh->vertex_bgr.cols() > 0) {
     for (int channel = 0; channel < 3; ++channel) {
       colours->row(channel) =
-          (Ramp(colour_.row(channel), at) * inverse).max(0.0f).min(1.0f).transpose();
+          (Ramp(now_->colour.row(channel), at) * inverse).max(0.0f).min(1.0f).transpose();
     }
     colours->row(3).setZero();
   } else {
-    colours->colwise() = flat_colour_;
+    colours->colwise() = now_->flat_colour;
   }
 }
 
 LampView::Points PixelShader::SmoothNormals(const Eigen::Vector3d& at, const Lanes& inverse) const {
   LampView::Points normals;
-  for (int i = 0; i < 3; ++i) normals[i] = Ramp(normal_.row(i), at) * inverse;
+  for (int i = 0; i < 3; ++i) normals[i] = Ramp(now_->normal.row(i), at) * inverse;
   const Lanes squared = normals[0].square() + normals[1].square() + normals[2].square();
-  const Lanes facing = Dot(normals, flat_normal_);
+  const Lanes facing = Dot(normals, now_->flat_normal);
   const Lanes scale = (facing < 0).select(-1 / squared.sqrt(), 1 / squared.sqrt());
   for (int i = 0; i < 3; ++i) {
-    normals[i] = (squared > 1e-12f && squared < 1e30f).select(normals[i] * scale, flat_normal_[i]);
+    normals[i] =
+        (squared > 1e-12f && squared < 1e30f).select(normals[i] * scale, now_->flat_normal[i]);
   }
   return normals;
 }
 
 void PixelShader::AddFew(int x, int y, int count, const float* depth, float* sum) const {
   const Eigen::Vector3d at(x, y, 1);
-  const Lanes inverse = 1 / Ramp(weight_sum_, at);
+  const Lanes inverse = 1 / Ramp(now_->weight_sum, at);
   Colours colours;
   Colour(at, count, inverse, &colours);
   Eigen::Map<Eigen::Array<float, 4, Eigen::Dynamic>> out(sum, 4, count);
-  if (mesh_->glows) {
+  if (now_->mesh->glows) {
     out += colours.leftCols(count);
     return;
   }
@@ -171,22 +176,22 @@ void PixelShader::AddFew(int x, int y, int count, const float* depth, float* sum
   point[2] = depth[0];
   for (int i = 1; i < count; ++i) point[2][i] = depth[i];
   for (int i = 0; i < 2; ++i) point[i] = point[2] * Ramp(ray_from_pixel_.row(i), at);
-  if (smooth_) {
+  if (now_->smooth) {
     normal = SmoothNormals(at, inverse);
   } else {
-    for (int i = 0; i < 3; ++i) normal[i] = flat_normal_[i];
+    for (int i = 0; i < 3; ++i) normal[i] = now_->flat_normal[i];
   }
   const Lanes upwards = 0.5f + 0.5f * Dot(normal, up_);
   Lanes around = Lanes::Ones();  // how much of sky and ground
-  if (mesh_->is_floor && scene_.contact != nullptr) {
+  if (now_->mesh->is_floor && scene_.contact != nullptr) {
     const Lanes world_x = Dot(point, world_x_) + eye_in_world_.x();
     const Lanes world_z = Dot(point, world_z_) + eye_in_world_.z();
     for (int i = 0; i < count; ++i) around[i] -= scene_.contact->At(world_x[i], world_z[i]);
   }
   Lanes facing = Dot(normal, to_lamp_).max(0.0f);
-  if ((facing > 0).any()) {
+  if (facing.maxCoeff() > 0) {
     for (int i = 0; i < 3; ++i) point[i] += kShadowOffsetM * normal[i];
-    for (const LampView* view : near_lamps_) view->Shade(point, &facing);
+    for (const LampView* view : now_->near_lamps) view->Shade(point, &facing);
   }
   for (int i = 0; i < count; ++i) {
     const Eigen::Array4f surroundings = around[i] * (ground_ + upwards[i] * (sky_ - ground_));
@@ -195,7 +200,9 @@ void PixelShader::AddFew(int x, int y, int count, const float* depth, float* sum
 }
 
 void PixelShader::Add(int t, int x, int y, int count, const float* depth, float* sum) {
-  if (t != known_) SetUp(t);
+  Triangle& triangle = prepared_[static_cast<size_t>(t) % prepared_.size()];
+  if (t != triangle.id) Prepare(t, &triangle);
+  now_ = &triangle;
   for (int i = 0; i < count; i += kShadedTogether) {
     AddFew(x + i, y, std::min(count - i, kShadedTogether), depth + i, sum + 4 * i);
   }

@@ -33,8 +33,22 @@ class PixelShader {
  private:
   using Lanes = LampView::Lanes;  // a value for each of kShadedTogether pixels in a row
 
-  void SetUp(int t);
-  // At most kShadedTogether pixels of the known triangle.
+  struct Triangle {
+    int id = -1;
+    const LitMesh* mesh = nullptr;
+    bool smooth = false;
+    Eigen::Vector3d weight_sum;      // . (x, y, 1) = sum of the corners' weights
+    Eigen::Matrix<double, 2, 3> uv;  // . (x, y, 1) = uv times that sum
+    Eigen::Matrix3d colour;          // likewise, linear b, g, r
+    Eigen::Matrix3d normal;          // likewise
+    Eigen::Array4f flat_colour;
+    Eigen::Vector3f flat_normal;              // towards the camera
+    std::vector<const LampView*> near_lamps;  // maps that may shade it
+    float uv_area = 0;  // area in uv of a pixel, times the third power of the sum
+  };
+
+  void Prepare(int t, Triangle* triangle) const;
+  // At most kShadedTogether pixels of the triangle.
   void AddFew(int x, int y, int count, const float* depth, float* sum) const;
   // Rows of colours (b, g, r, 0), one per pixel. `inverse` is one over the sum of the weights.
   using Colours = Eigen::Array<float, 4, kShadedTogether>;
@@ -52,18 +66,8 @@ class PixelShader {
   Eigen::Array4f lamp_, sky_, ground_;
   std::vector<LampView> lamps_;
 
-  // Of the triangle known_.
-  int known_ = -1;
-  const LitMesh* mesh_ = nullptr;
-  bool smooth_ = false;
-  Eigen::Vector3d weight_sum_;      // . (x, y, 1) = sum of the corners' weights
-  Eigen::Matrix<double, 2, 3> uv_;  // . (x, y, 1) = uv times that sum
-  Eigen::Matrix3d colour_;          // likewise, linear b, g, r
-  Eigen::Matrix3d normal_;          // likewise
-  Eigen::Array4f flat_colour_;
-  Eigen::Vector3f flat_normal_;              // towards the camera
-  std::vector<const LampView*> near_lamps_;  // maps that may shade it
-  float uv_area_ = 0;  // area in uv of a pixel, times the third power of the sum
+  std::vector<Triangle> prepared_;  // those seen last: the same ones come in every row
+  const Triangle* now_ = nullptr;   // that is shaded
 };
 
 }  // namespace mpc

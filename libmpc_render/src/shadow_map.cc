@@ -62,6 +62,22 @@ cv::Mat Blocks(const cv::Mat& depth) {
   return blocks;
 }
 
+cv::Mat WideBlocks(const cv::Mat& blocks) {
+  cv::Mat wide(blocks.size(), CV_32FC2);
+  for (int row = 0; row < wide.rows; ++row) {
+    for (int column = 0; column < wide.cols; ++column) {
+      auto& all = wide.at<cv::Vec2f>(row, column) = blocks.at<cv::Vec2f>(row, column);
+      for (int y = std::max(row - 1, 0); y <= std::min(row + 1, wide.rows - 1); ++y) {
+        for (int x = std::max(column - 1, 0); x <= std::min(column + 1, wide.cols - 1); ++x) {
+          all[0] = std::min(all[0], blocks.at<cv::Vec2f>(y, x)[0]);
+          all[1] = std::max(all[1], blocks.at<cv::Vec2f>(y, x)[1]);
+        }
+      }
+    }
+  }
+  return wide;
+}
+
 }  // namespace
 
 ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
@@ -100,11 +116,15 @@ ShadowMap MakeShadowMap(const Eigen::Vector3d& lamp_in_world,
   RasterizeMesh(lamp, in_lamp, mesh.triangles, {}, &buffers);
   map.depth = buffers.depth;
   map.blocks = Blocks(map.depth);
+  map.wide_blocks = WideBlocks(map.blocks);
   return map;
 }
 
 LampView::LampView(const ShadowMap& map, const CameraFromWorld& camera_from_world)
-    : depth_(&map.depth), blocks_(&map.blocks), last_(static_cast<float>(map.lamp.width - 1)) {
+    : depth_(&map.depth),
+      blocks_(&map.blocks),
+      wide_blocks_(&map.wide_blocks),
+      last_(static_cast<float>(map.lamp.width - 1)) {
   const Camera& lamp = map.lamp;
   Eigen::Matrix3d pixel_from_lamp;
   pixel_from_lamp << lamp.fx, 0, lamp.cx, 0, lamp.fy, lamp.cy, 0, 0, 1;
@@ -122,16 +142,32 @@ bool LampView::Misses(const Eigen::Matrix3f& corners) const {
   return (x < 0).all() || (y < 0).all() || (x >= limit).all() || (y >= limit).all();
 }
 
+bool LampView::ShadeTogether(const Lanes& u, const Lanes& v, const Lanes& depth,
+                             Lanes* light) const {
+  const float left = u.minCoeff(), right = u.maxCoeff();
+  const float top = v.minCoeff(), bottom = v.maxCoeff();
+  const bool inside = left >= 0 && top >= 0 && right < last_ && bottom < last_;
+  if (!inside || right - left >= kBlockPx || bottom - top >= kBlockPx) return false;
+  const auto& block = wide_blocks_->at<cv::Vec2f>(static_cast<int>(v[0]) / kBlockPx,
+                                                  static_cast<int>(u[0]) / kBlockPx);
+  if (block[0] >= depth.maxCoeff() - kShadowBiasM) return true;
+  if (block[1] >= depth.minCoeff() - kShadowBiasM) return false;
+  light->setZero();
+  return true;
+}
+
 void LampView::Shade(const Points& x, Lanes* light) const {
   const auto row = [&](int i) -> Lanes {
     return pixel_from_point_(i, 0) * x[0] + pixel_from_point_(i, 1) * x[1] +
            pixel_from_point_(i, 2) * x[2] + offset_[i];
   };
   const Lanes depth = row(2);
-  Lanes u = row(0), v = row(1);  // times depth
-  if (!(u >= 0 && v >= 0 && u < last_ * depth && v < last_ * depth).any()) return;
+  Lanes u = row(0), v = row(1);                           // times depth
+  if (!(u.maxCoeff() >= 0 && v.maxCoeff() >= 0)) return;  // all of them beyond one side
+  if (!((u - last_ * depth).minCoeff() < 0 && (v - last_ * depth).minCoeff() < 0)) return;
   u /= depth;
   v /= depth;
+  if (ShadeTogether(u, v, depth, light)) return;
   const auto lit = [](float seen, float nearest) {
     return seen == 0 || seen >= nearest ? 1.0f : 0.0f;
   };

@@ -37,7 +37,7 @@ class ConvertTest(unittest.TestCase):
     def points(self, joints):
         return self.rng.normal(size=(FRAMES, joints, 3)) + [0, 0, 4]
 
-    def converted(self, *arguments):
+    def converted(self, *arguments, joints=True):
         run = convert(*arguments, "-o", self.out)
         self.assertEqual(run.returncode, 0, run.stderr)
         with open(os.path.join(self.out, "truth.json")) as file:
@@ -51,11 +51,11 @@ class ConvertTest(unittest.TestCase):
                     content[key] = json.load(file)
         if COMMAND:
             # The command reads it, and finds it equal to itself.
-            joints = os.path.join(self.out, truth["joints"])
-            run = subprocess.run([COMMAND, "eval", joints, "--truth", self.out, "--json"],
+            track = os.path.join(self.out, truth["joints"])
+            run = subprocess.run([COMMAND, "eval", track, "--truth", self.out, "--json"],
                                  capture_output=True, text=True)
             self.assertEqual(run.returncode, 0, run.stderr)
-            self.assertEqual(json.loads(run.stdout)["absolute"]["mean_mm"], 0)
+            self.assertEqual(json.loads(run.stdout)["absolute"]["mean_mm"], 0 if joints else None)
         return truth, content
 
     def joint(self, content, name):
@@ -192,6 +192,70 @@ class ConvertTest(unittest.TestCase):
         np.testing.assert_allclose(content["detections2d"]["frames"][3][elbow][:2], pixels[3, 10])
         os.remove(os.path.join(self.out, "truth.json"))
         self.refused("camera 5", "3dhp", self.folder.name, "--camera", 5)
+
+    def monoperfcap(self, meshes, calib=None):
+        truth = self.path("ground_truth")
+        os.makedirs(truth, exist_ok=True)
+        for name in os.listdir(truth):
+            os.remove(os.path.join(truth, name))
+        for f, vertices in enumerate(meshes):
+            with open(os.path.join(truth, f"mesh_{f:04d}.off"), "w") as file:
+                file.write(f"OFF\n{len(vertices)} 1 0\n")
+                file.writelines("%.9g %.9g %.9g\n" % tuple(v) for v in vertices)
+                file.write("3 0 1 2\n")
+        with open(self.path("calib.txt"), "w") as file:
+            file.write(calib or
+                       "Calibration\ncamera 0\n"
+                       "intrinsic 1500.5 0 970 0 0 1499 530 0 0 0 1 0 0 0 0 1\n"
+                       "extrinsic 1 0 0 100 0 0 -1 200 0 1 0 3000 0 0 0 1\n")
+
+    def test_monoperfcap(self):
+        meshes = self.rng.uniform(-900, 900, (FRAMES, 30, 3))  # mm
+        meshes[0, :2] = [[0, 0, -900], [0, 0, 900]]
+        self.monoperfcap(meshes)
+        truth, content = self.converted("monoperfcap", self.folder.name, "--size", "1920x1080",
+                                        "--fps", 25, joints=False)
+        camera = content["camera"]["cameras"][0]
+        self.assertEqual((camera["fx"], camera["fy"], camera["cx"], camera["cy"]),
+                         (1500.5, 1499, 970, 530))
+        np.testing.assert_allclose(camera["t"], [0.1, 0.2, 3])
+        np.testing.assert_allclose(camera["R"], [[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+        self.assertEqual((truth["fps"], truth["width"], truth["height"]), (25, 1920, 1080))
+        with open(os.path.join(self.out, truth["vertices"]), "rb") as file:
+            data = file.read()
+        self.assertEqual(data[:12], b"POINTCACHE2\0")
+        self.assertEqual(np.frombuffer(data[12:32], "<i4")[[0, 1, 4]].tolist(), [1, 30, FRAMES])
+        np.testing.assert_allclose(np.frombuffer(data[32:], "<f4").reshape(FRAMES, 30, 3),
+                                   meshes / 1000, atol=1e-6)
+
+        # Masks alone.
+        self.monoperfcap([])
+        for f in range(FRAMES):
+            open(self.path(f"ground_truth/{f:04d}.png"), "wb").close()
+        truth, _ = self.converted("monoperfcap", self.folder.name, joints=False)
+        self.assertNotIn("vertices", truth)
+        self.assertEqual(os.path.normpath(os.path.join(self.out, truth["masks"])),
+                         self.path("ground_truth"))
+        self.assertEqual((truth["fps"], truth["width"], truth["height"]), (30, 1940, 1060))
+
+    def test_monoperfcap_refuses(self):
+        arguments = ("monoperfcap", self.folder.name)
+        self.monoperfcap([])
+        self.refused("no ground_truth/*.off", *arguments)
+        person = np.array([[0, 0, 0], [0, 1.8, 0], [0.3, 1, 0]])
+        self.monoperfcap([person, person[:2]])
+        self.refused("mesh_0001.off is 2 x 3, expected 3 x 3", *arguments)
+        self.monoperfcap([person * 1e6])
+        self.refused("no person", *arguments)
+        self.monoperfcap([person], "intrinsic 1 2 3\n")
+        self.refused("no two lines", *arguments)
+        self.monoperfcap([person], 2 * "m -1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n")
+        self.refused("mirror image", *arguments)
+        self.monoperfcap([person * np.nan])
+        self.refused("not finite", *arguments)
+        with open(self.path("ground_truth/mesh_0000.off"), "w") as file:
+            file.write("OFF\n5 0 0\n1 2 3\n")
+        self.refused("ends before its 5 vertices", *arguments)
 
 
 if __name__ == "__main__":

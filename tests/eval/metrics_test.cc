@@ -43,10 +43,44 @@ TEST_F(MetricsTest, TruthAgainstItselfIsZero) {
   EXPECT_EQ(errors.absolute.mean_mm, 0);
   EXPECT_EQ(errors.root.mean_mm, 0);
   EXPECT_EQ(errors.scale.mean_mm, 0);
-  EXPECT_NEAR(errors.similarity.mean_mm, 0, 1e-10);
+  EXPECT_EQ(errors.similarity.mean_mm, 0);
+  EXPECT_EQ(errors.place.mean_mm, 0);
+  EXPECT_EQ(AccelerationError(truth_, truth_, 30).mean_mm_per_frame2, 0);
   EXPECT_EQ(errors.num_missing, 0);
   EXPECT_EQ(errors.absolute.num_observations, 14 * 7);
   EXPECT_EQ(errors.similarity.num_frames, 7);
+}
+
+TEST_F(MetricsTest, ProjectedTruthIsExactlyOnItself) {
+  const Camera camera = Camera::FromFov(640, 480, 1);
+  Eigen::MatrixXd in_camera = truth_;
+  for (Eigen::Index row = 2; row < in_camera.rows(); row += 3) in_camera.row(row).array() += 10;
+  Detections2d detections;
+  detections.joints = joints_;
+  for (const auto& frame : in_camera.colwise()) {
+    Eigen::Matrix2Xd pixels(2, 14);
+    for (int j = 0; j < 14; ++j) {
+      Eigen::Vector2d pixel;
+      ASSERT_TRUE(Project(camera, frame.segment<3>(3 * j), &pixel));
+      pixels.col(j) = pixel;
+    }
+    detections.frames.push_back({pixels, Eigen::VectorXd::Ones(14)});
+  }
+  const ReprojectionError error = CompareReprojection(camera, joints_, in_camera, detections);
+  EXPECT_EQ(error.mean_px, 0);
+  EXPECT_EQ(error.num_observations, 14 * 7);
+}
+
+TEST_F(MetricsTest, OneWrongJointIsAFourteenthOfItsError) {
+  Eigen::MatrixXd estimate = truth_;
+  const int row = 3 * 2;  // neither hip
+  ASSERT_TRUE(joints_[2] != JointId::kLeftHip && joints_[2] != JointId::kRightHip);
+  for (int f = 0; f < 7; ++f) estimate.col(f).segment<3>(row) += Eigen::Vector3d(0.02, 0.03, 0.06);
+  const JointErrors errors = CompareJoints(joints_, estimate, truth_);
+  EXPECT_NEAR(errors.absolute.mean_mm, 70.0 / 14, 1e-9);
+  EXPECT_NEAR(errors.root.mean_mm, 70.0 / 14, 1e-9);
+  EXPECT_NEAR(errors.root.per_joint_mm[2], 70, 1e-9);
+  EXPECT_EQ(errors.place.mean_mm, 0);
 }
 
 TEST_F(MetricsTest, TranslationIsSeenByAbsoluteOnly) {
@@ -148,6 +182,14 @@ TEST_F(MetricsTest, AccelerationErrorIgnoresConstantVelocityOffsets) {
   for (int f = 0; f < 7; ++f) estimate.col(f).array() += 0.1 + 0.2 * f;
   EXPECT_NEAR(AccelerationError(estimate, truth_, 30).mean_mm_per_frame2, 0, 1e-9);
   EXPECT_GT(Jitter(truth_, 30).mean_mm_per_frame2, 100);
+  // On top of the truth's own motion every joint accelerates by (6, 0, 8) mm per frame^2.
+  for (int f = 0; f < 7; ++f) {
+    for (int row = 0; row < estimate.rows(); row += 3) {
+      estimate.col(f).segment<3>(row) += 0.5 * f * f * Eigen::Vector3d(0.006, 0, 0.008);
+    }
+  }
+  EXPECT_NEAR(AccelerationError(estimate, truth_, 30).mean_mm_per_frame2, 10, 1e-9);
+  EXPECT_NEAR(AccelerationError(estimate, truth_, 30).mean_mm_per_s2, 9000, 1e-6);
 }
 
 TEST_F(MetricsTest, BoneLengthDeviation) {
@@ -155,6 +197,8 @@ TEST_F(MetricsTest, BoneLengthDeviation) {
   const std::vector<JointPair> bones = {{JointId::kLeftElbow, JointId::kLeftWrist},
                                         {JointId::kLeftHip, JointId::kLeftKnee}};
   Eigen::MatrixXd trajectories = Eigen::MatrixXd::Zero(6, 4);
+  trajectories.row(5).setConstant(0.25);
+  EXPECT_EQ(CompareBoneLengths(joints, trajectories, bones).max_mm, 0);
   trajectories.row(5) << 0.29, 0.31, 0.29, 0.31;
   const BoneLengthDeviation deviation = CompareBoneLengths(joints, trajectories, bones);
   EXPECT_EQ(deviation.num_bones, 1);
@@ -206,6 +250,7 @@ TEST_F(MetricsTest, MaskIou) {
   cv::Mat b = a.clone();
   EXPECT_EQ(MaskIou(a, b), 1);
   a.rowRange(0, 4) = 255;
+  EXPECT_EQ(MaskIou(a, a), 1);
   EXPECT_EQ(MaskIou(a, b), 0);
   b.rowRange(2, 8) = 1;
   EXPECT_DOUBLE_EQ(MaskIou(a, b), 20.0 / 80);

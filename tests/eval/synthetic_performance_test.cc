@@ -10,6 +10,7 @@
 
 #include "mpc/eval/dressed_actor.h"
 #include "mpc/eval/motions.h"
+#include "mpc/eval/stool.h"
 #include "mpc/render/lit_scene.h"
 #include "mpc/render/raster.h"
 #include "mpc/skeleton/rig_map.h"
@@ -96,6 +97,62 @@ TEST_F(SyntheticPerformanceTest, OccludersAreTakenOutOfTheMask) {
   EXPECT_EQ(cv::countNonZero(mask != (actor & ~post)), 0);
   EXPECT_GT(cv::countNonZero(actor & post), 20);
   EXPECT_GT(cv::countNonZero(mask), cv::countNonZero(actor) / 2);
+}
+
+// The body, above the feet, is never in the stool but where it sits: it touches the seat.
+TEST_F(SyntheticPerformanceTest, SittingIsOnAStoolThatHidesWhatIsBehindIt) {
+  const Eigen::MatrixXd poses = MakeMotion(character_->skeleton, MotionKind::kSit, 2, kFps);
+  Acting acting = ActWithSkinning(*character_, poses, kFps, 1);
+  DressedActor actor;
+  actor.rig = *rig_;
+  const Stool stool = StoolUnder(actor, *character_, acting.poses.col(0));
+  EXPECT_GT(stool.top.y(), 0.35);
+  EXPECT_LT(stool.top.y(), 0.55);
+  double sunk = 0;
+  for (const Eigen::Matrix3Xf& vertices : acting.vertices) {
+    for (const auto& x : vertices.colwise()) {
+      const Eigen::Vector3d from_top = x.cast<double>() - stool.top;
+      const double half = 0.5 * stool.side_m;
+      if (std::abs(from_top.x()) > half || std::abs(from_top.z()) > half) continue;
+      sunk = std::max(sunk, -from_top.y());
+    }
+  }
+  EXPECT_NEAR(sunk, 0.01, 0.002);
+
+  // A clip that ends before has the stool at the same place, seen from where it starts.
+  const Acting early = ActWithSkinning(
+      *character_, MakeMotion(character_->skeleton, MotionKind::kSit, 0.3, kFps), kFps, 1);
+  const Stool same = StoolUnder(actor, *character_, early.poses.col(0));
+  const Eigen::Vector3d moved = (early.poses.col(0) - acting.poses.col(0)).head<3>();
+  EXPECT_LT((same.top - stool.top - moved).norm(), 0.002);
+
+  // Seen from behind, the stool hides a part of the legs.
+  acting.stool = stool;
+  const Eigen::Matrix3d turn = ExpSO3({0, std::numbers::pi, 0});
+  acting.stool->top = turn * stool.top;
+  acting.poses = TransformPoses(turn, Eigen::Vector3d::Zero(), acting.poses);
+  for (Eigen::Matrix3Xf& vertices : acting.vertices) vertices = turn.cast<float>() * vertices;
+  PerformanceOptions options = Options(CameraMotion::kStatic);
+  const SyntheticPerformance on = MakePerformance(*character_, acting, options);
+  acting.stool.reset();
+  const SyntheticPerformance off = MakePerformance(*character_, acting, options);
+  const auto with = MakeScene(on, *rig_, *character_), without = MakeScene(off, *rig_, *character_);
+  EXPECT_GT(with->occluders().positions.cols(), 0);
+  EXPECT_EQ(without->occluders().positions.cols(), 0);
+  const SceneMoment moment{on.acting.vertices.back(), on.camera.At(0)};
+  const cv::Mat seen = with->Mask(on.camera.camera, moment);
+  const cv::Mat all = without->Mask(on.camera.camera, moment);
+  EXPECT_EQ(cv::countNonZero(seen & ~all), 0);
+  EXPECT_GT(cv::countNonZero(all & ~seen), 20);
+  EXPECT_GT(cv::countNonZero(seen), 0.7 * cv::countNonZero(all));
+}
+
+TEST_F(SyntheticPerformanceTest, AStoolNeedsRoom) {
+  DressedActor actor;
+  actor.rig = *rig_;
+  Eigen::VectorXd low = MakeMotion(character_->skeleton, MotionKind::kSit, 0.1, kFps).col(0);
+  low[1] -= 0.4;
+  EXPECT_MPC_ERROR(StoolUnder(actor, *character_, low), kUnsupported, "no room for a stool");
 }
 
 TEST_F(SyntheticPerformanceTest, TheBackgroundOfACameraAtRestIsStill) {

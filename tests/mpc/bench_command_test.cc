@@ -138,7 +138,8 @@ TEST_F(BenchCommandTest, CtrlCKeepsFinishedClips) {
   process.Signal(SIGINT);
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
-  EXPECT_THAT(outcome.err, HasSubstr("finished clips are in"));
+  EXPECT_THAT(outcome.err, HasSubstr("interrupted after 1 clips: they are kept in"));
+  EXPECT_THAT(outcome.out, HasSubstr("| tiny (6 frames, 25 fps) |"));
   EXPECT_TRUE(fs::exists(output() / "tiny" / "result.json"));
   EXPECT_FALSE(fs::exists(output() / "long" / "result.json"));
   EXPECT_FALSE(fs::exists(output() / "results.json"));

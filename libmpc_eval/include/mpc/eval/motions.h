@@ -21,7 +21,7 @@ enum class MotionKind {
   kTurnAround,  // walks straight on, turns around, walks back
   kJump,        // from a crouch straight up, in free fall, landing on bent knees
   kKick,        // the right leg swings up in front
-  kSit,         // down onto a seat that is not there, and up again
+  kSit,         // down onto a seat (mpc/eval/stool.h), and up again
   kWave,        // one hand beside the head
   kBend,        // bows down to the floor
 };

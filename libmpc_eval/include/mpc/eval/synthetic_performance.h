@@ -10,6 +10,7 @@
 #include <functional>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string_view>
 #include <vector>
 
@@ -50,6 +51,7 @@ struct Acting {
   double fps = 30;
   Eigen::MatrixXd poses;                   // N x F, world
   std::vector<Eigen::Matrix3Xf> vertices;  // F times 3xV in the character's order, world
+  std::optional<Stool> stool;              // that the actor sits on
 };
 
 // Poses and the vertices that plain skinning gives them, shifted along y so that the feet stand on

@@ -9,10 +9,12 @@
 #include <cstdint>
 #include <memory>
 #include <opencv2/core.hpp>
+#include <optional>
 #include <string_view>
 #include <vector>
 
 #include "mpc/core/camera.h"
+#include "mpc/eval/stool.h"
 #include "mpc/skeleton/character.h"
 #include "mpc/skeleton/rig_asset.h"
 
@@ -44,6 +46,7 @@ struct StageBounds {
   Eigen::AlignedBox3d actor;
   Eigen::AlignedBox3d camera;  // its centre
   double half_fov_rad = 0.5;   // of the wider side
+  std::optional<Stool> stool;  // that the actor sits on; it hides and shades as an occluder does
 };
 
 // What is seen at one moment.
@@ -77,7 +80,7 @@ class SyntheticScene {
   // is the actor's when its centre is, as in RasterizeMesh.
   cv::Mat Mask(const Camera& camera, const SceneMoment& moment) const;
 
-  // The occluders as one mesh in the world; empty without.
+  // What can hide the actor, occluders and a stool, as one mesh in the world; empty without.
   const TriangleMesh& occluders() const;
 
  private:

@@ -22,6 +22,7 @@ struct ShadowMap {
   // CV_32FC2: the nearest and the farthest depth of each block of 16 x 16 texels and those beside
   // it, where nothing is seen infinite: whether a point is lit can mostly be told from it.
   cv::Mat blocks;
+  cv::Mat wide_blocks;  // the same of each block and its eight neighbours
 };
 
 inline constexpr float kShadowBiasM = 0.01f;  // nothing shades what lies this close behind it
@@ -50,8 +51,12 @@ class LampView {
   bool Misses(const Eigen::Matrix3f& corners) const;
 
  private:
+  // When the points lie so near one another that a wide block tells all their answers; else false.
+  bool ShadeTogether(const Lanes& u, const Lanes& v, const Lanes& depth, Lanes* light) const;
+
   const cv::Mat* depth_;
   const cv::Mat* blocks_;
+  const cv::Mat* wide_blocks_;
   Eigen::Matrix3f pixel_from_point_;
   Eigen::Vector3f offset_;
   float last_;  // column and row

@@ -58,11 +58,10 @@ double ObservedShare(const FrameInitialization& initialization, const Window& wi
 
 void AdaptSmoothness(const FrameInitialization& initialization, const Window& window,
                      const Eigen::MatrixXd& solved, BatchProblem* problem) {
-  problem->band_penalty =
-      // What was not observed shows no motion.
-      ObservedShare(initialization, window) * AdaptedShares(SubspaceCoefficients(*problem, solved),
-                                                            problem->smoothness, kNoiseCost,
-                                                            kMaxBandPenalty);
+  const Eigen::MatrixXd spectrum = SubspaceCoefficients(*problem, solved);
+  // What was not observed shows no motion.
+  problem->band_penalty = ObservedShare(initialization, window) *
+                          AdaptedShares(spectrum, problem->smoothness, kNoiseCost, kMaxBandPenalty);
 }
 
 BatchProblem MakeWindowProblem(const ClipEvidence& evidence,

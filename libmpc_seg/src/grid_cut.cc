@@ -246,7 +246,7 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
       flow.AddEdge(n, node[static_cast<size_t>(neighbour.pixel)], neighbour.link, neighbour.link);
     }
   }
-  { flow.Solve(); }
+  flow.Solve();
   for (int n = 0; n < result.num_nodes; ++n) {
     const Pixel& pixel = pixels[static_cast<size_t>(nodes[static_cast<size_t>(n)])];
     result.labels.ptr(pixel.y)[pixel.x] = flow.OnSourceSide(n);

@@ -13,8 +13,7 @@ constexpr double kMinPlaces = 20;
 constexpr double kPriorPlaces = 10;  // with the whole outline's error, added to every neighbourhood
 constexpr double kMinSigmaPx = 0.5;
 constexpr double kGrossShare = 0.05;
-
-constexpr double kCellsPerReach = 4;
+constexpr double kCellsPerReach = 4;  // of the sums over a neighbourhood
 
 // Standard deviation of a Gaussian whose mean absolute value is one.
 const double kSigmaOfMean = std::sqrt(std::numbers::pi / 2);
@@ -99,7 +98,7 @@ cv::Mat1f MeasurePrecision(const cv::Mat1f& distance, const cv::Mat& labels, con
 }
 
 cv::Mat1f OutlineOdds(const cv::Mat1f& distance, const cv::Mat1f& precision) {
-  const OddsTable odds_at;
+  static const OddsTable odds_at;
   cv::Mat1f odds(distance.size());
   for (int y = 0; y < odds.rows; ++y) {
     for (int x = 0; x < odds.cols; ++x) odds(y, x) = odds_at(distance(y, x) * precision(y, x));

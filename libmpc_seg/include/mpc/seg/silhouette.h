@@ -31,11 +31,10 @@ struct SegmentationOptions {
   double weight_still = 2;     // pixels as still as the background are background, 0: off; ours
   double weight_shape = 8;     // trust in M: log-odds at the border of the band, 0: none; ours
   double weight_measured = 1;  // on the log-odds of M's outline by its measured error, 0: off; ours
-  double outline_discount =
-      0.9;                   // off the links where M's outline is, when measured good, 0 to 1; ours
-  double weight_plate = 2;   // on the log-odds of FrameInput::background, 0: off; ours
-  double weight_person = 1;  // on the log-odds of FrameInput::person_probability; ours
-  int num_components = 8;    // Gaussians per colour model, 1 to 16; ours, GrabCut: 5
+  double outline_discount = 0.9;  // on links where a measured M ends, 0: none, 1: all; ours
+  double weight_plate = 2;        // on the log-odds of FrameInput::background, 0: off; ours
+  double weight_person = 1;       // on the log-odds of FrameInput::person_probability; ours
+  int num_components = 8;         // Gaussians per colour model, 1 to 16; ours, GrabCut: 5
   double colour_reach = 0.3;  // colours count most near their place, actor sizes, 0: alike; ours
 
   // Solution.

@@ -29,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
-struct Arguments {
+struct BenchArguments {
   fs::path output;
   std::string suite = "full";
   std::string noise;  // of all synthetic clips; empty: as the suite says
@@ -123,7 +123,8 @@ Row Fingerprint(const BenchClip& clip) {
 
 class Bench {
  public:
-  explicit Bench(const Arguments& arguments) : arguments_(arguments), progress_(arguments.quiet) {
+  explicit Bench(const BenchArguments& arguments)
+      : arguments_(arguments), progress_(arguments.quiet) {
     for (SyntheticSpec& spec : ReadSuite(arguments.suite)) {
       if (!arguments.noise.empty()) spec.noise = arguments.noise;
       items_.push_back({spec.name, spec, {}});
@@ -207,7 +208,7 @@ class Bench {
     return true;
   }
 
-  const Arguments& arguments_;
+  const BenchArguments& arguments_;
   ConsoleProgress progress_;
   std::vector<Item> items_;
   std::vector<ClipResult> results_;
@@ -228,7 +229,7 @@ std::vector<ClipResult> ReadResults(const fs::path& path) {
   return results;
 }
 
-int Run(const Arguments& arguments) {
+int Run(const BenchArguments& arguments) {
   std::error_code ec;
   fs::create_directories(arguments.output, ec);
   const std::vector<ClipResult> expected =
@@ -272,7 +273,7 @@ fs::path DefaultData() {
 Command AddBenchCommand(CLI::App* parent) {
   CLI::App* const app =
       parent->add_subcommand("bench", "Measure every stage on clips with known truth");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<BenchArguments>();
   arguments->data = DefaultData();
   app->add_option("-o,--output", arguments->output, "Folder for clips and results")->required();
   app->add_option("--suite", arguments->suite, "full, small, or a file of clips")

@@ -9,13 +9,13 @@
 
 #include "bench_stages.h"
 #include "evaluation_table.h"
+#include "mpc/core/units.h"
 
 namespace monoperfcap {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 // What a step of the method may lose on a clip.
 constexpr double kWorseVertexMm = 1;
 constexpr double kWorseIou = 0.005;
@@ -27,20 +27,22 @@ constexpr std::array<Column, 7> kColumns = {{
     {"pa_mpjpe", "PA-MPJPE", "mm", 1, 0.05, 0.5,
      [](const Evaluation& e, double) { return e.errors.similarity.mean_mm; }},
     {"vertex_error", "vertex error", "mm", 1, 0.05, 0.5,
-     [](const Evaluation& e, double) { return e.surface ? e.surface->vertex_mm.mean() : kNan; }},
+     [](const Evaluation& e, double) {
+       return e.surface ? e.surface->vertex_mm.mean() : mpc::kNan;
+     }},
     {"iou", "IoU", "", 3, -0.005, 0,
-     [](const Evaluation& e, double) { return e.model ? e.model->iou.mean() : kNan; }},
+     [](const Evaluation& e, double) { return e.model ? e.model->iou.mean() : mpc::kNan; }},
     {"jitter", "jitter", "m/s^2", 2, 0.05, 0.05,
      [](const Evaluation& e, double) { return e.jitter.mean_mm_per_s2 / 1000; }},
     {"foot_skate", "foot skate", "mm/frame", 2, 0.1, 0.2,
-     [](const Evaluation& e, double) { return e.skate ? e.skate->mean_mm : kNan; }},
+     [](const Evaluation& e, double) { return e.skate ? e.skate->mean_mm : mpc::kNan; }},
     {"seconds", "time", "s/frame", 4, 0, 0,
      [](const Evaluation&, double seconds) { return seconds; }},
 }};
 
 double Value(const Row& row, const std::string& key) {
   const auto it = row.find(key);
-  return it == row.end() ? kNan : it->second;
+  return it == row.end() ? mpc::kNan : it->second;
 }
 
 std::string Cell(double value, int decimals) {
@@ -74,10 +76,10 @@ Row MeanRow(const std::vector<const ClipResult*>& clips, const std::string& stag
     int count = 0;
     for (const ClipResult* clip : clips) {
       const auto it = clip->stages.find(stage);
-      const double value = it == clip->stages.end() ? kNan : Value(it->second, column.key);
+      const double value = it == clip->stages.end() ? mpc::kNan : Value(it->second, column.key);
       if (std::isfinite(value)) sum += value, ++count;
     }
-    mean[column.key] = count > 0 ? sum / count : kNan;
+    mean[column.key] = count > 0 ? sum / count : mpc::kNan;
   }
   return mean;
 }
@@ -120,7 +122,7 @@ Json RowJson(const Row& row) {
 Row ParseRow(const nlohmann::json& json) {
   Row row;
   for (const auto& [key, value] : json.items()) {
-    row[key] = value.is_null() ? kNan : value.get<double>();
+    row[key] = value.is_null() ? mpc::kNan : value.get<double>();
   }
   return row;
 }

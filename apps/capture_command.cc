@@ -9,13 +9,14 @@
 #include "command.h"
 #include "console.h"
 #include "detect_options.h"
+#include "mpc/core/units.h"
 #include "mpc/mpc.h"
 #include "silhouette_summary.h"
 
 namespace monoperfcap {
 namespace {
 
-struct Arguments {
+struct CaptureArguments {
   mpc::CaptureInputs inputs;
   DetectArguments detect;
   std::string output;
@@ -37,7 +38,7 @@ const std::map<std::string, mpc::RefinementLevel> kLevels = {
     {"pose", mpc::RefinementLevel::kPose},
     {"surface", mpc::RefinementLevel::kSurface}};
 
-mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
+mpc::CaptureOptions MakeOptions(const CaptureArguments& arguments) {
   mpc::CaptureOptions options;
   if (arguments.preset == "paper") {
     options.pose = mpc::PoseOptions::Paper();
@@ -59,7 +60,7 @@ mpc::CaptureOptions MakeOptions(const Arguments& arguments) {
   return options;
 }
 
-void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) {
+void PrintSummary(const CaptureArguments& arguments, const mpc::CaptureReport& report) {
   double residual_px = 0;
   int num_seen = 0;
   for (const mpc::FrameReport& frame : report.track.frames) {
@@ -85,10 +86,10 @@ void PrintSummary(const Arguments& arguments, const mpc::CaptureReport& report) 
   }
 }
 
-int Run(const Arguments& arguments) {
+int Run(const CaptureArguments& arguments) {
   mpc::CaptureInputs inputs = arguments.inputs;
   inputs.models = arguments.detect.models;
-  inputs.fov_rad = arguments.fov_deg * std::numbers::pi / 180;
+  inputs.fov_rad = arguments.fov_deg * mpc::kDegree;
   mpc::Capture capture(inputs, arguments.output, MakeOptions(arguments));
   ConsoleProgress progress(arguments.quiet);
   const mpc::CaptureReport report =
@@ -106,7 +107,7 @@ int Run(const Arguments& arguments) {
 
 Command AddCaptureCommand(CLI::App* parent) {
   CLI::App* const app = parent->add_subcommand("capture", "Capture the performance in a video");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<CaptureArguments>();
   mpc::CaptureInputs& inputs = arguments->inputs;
   app->add_option("clip", inputs.video, "Video, or a folder of numbered pictures")->required();
   app->add_option("--actor", inputs.actor, "The person's rigged mesh: .glb or .gltf")->required();

@@ -12,7 +12,7 @@
 namespace monoperfcap {
 namespace {
 
-struct Arguments {
+struct DetectCommandArguments {
   mpc::ClipToDetect clip;
   std::string output;
   DetectArguments detect;
@@ -20,7 +20,7 @@ struct Arguments {
   bool quiet = false;
 };
 
-int Run(const Arguments& arguments) {
+int Run(const DetectCommandArguments& arguments) {
   mpc::ClipToDetect clip = arguments.clip;
   clip.models = arguments.detect.models;
   ConsoleProgress progress(arguments.quiet);
@@ -44,7 +44,7 @@ int Run(const Arguments& arguments) {
 
 Command AddDetectCommand(CLI::App* parent) {
   CLI::App* const app = parent->add_subcommand("detect", "Find a person's joints in a video");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<DetectCommandArguments>();
   app->add_option("clip", arguments->clip.video, "Video, or a folder of numbered pictures")
       ->required();
   app->add_option("-o,--output", arguments->output, "Folder for the results")->required();

@@ -25,7 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Arguments {
+struct EvalArguments {
   fs::path estimate;
   fs::path truth;
   fs::path true_masks;
@@ -38,12 +38,12 @@ struct Arguments {
   bool quiet = false;
 };
 
-JointSet ScoredSet(const Arguments& arguments) {
+JointSet ScoredSet(const EvalArguments& arguments) {
   return arguments.joints == "all" ? JointSet::kAll : JointSet::k14;
 }
 
 // Table or JSON on stdout, JSON in a file.
-void Print(const Arguments& arguments, const Evaluation& evaluation) {
+void Print(const EvalArguments& arguments, const Evaluation& evaluation) {
   const bool to_stdout = arguments.wants_json && arguments.json.empty();
   if (to_stdout) {
     std::printf("%s\n", EvaluationJson(evaluation).dump(1).c_str());
@@ -55,7 +55,7 @@ void Print(const Arguments& arguments, const Evaluation& evaluation) {
   std::printf("%s", EvaluationText(evaluation).c_str());
 }
 
-int RunOnJoints(const Arguments& arguments) {
+int RunOnJoints(const EvalArguments& arguments) {
   if (!arguments.true_masks.empty() || !arguments.html.empty()) {
     throw mpc::Error(mpc::ErrorCode::kInvalidArgument,
                      fmt::format("{} is a file of joints: masks and pages need a capture's folder",
@@ -140,7 +140,7 @@ std::vector<FramePicture> TryPictures(const Performance& performance, const Trut
   }
 }
 
-int RunOnTake(const Arguments& arguments) {
+int RunOnTake(const EvalArguments& arguments) {
   const mpc::Take take = mpc::ReadTake(arguments.estimate);
   const Truth truth = ReadTruth(arguments.truth, arguments.true_masks);
   Performance performance{.name = arguments.estimate.string(),
@@ -176,7 +176,7 @@ int RunOnTake(const Arguments& arguments) {
   return kExitOk;
 }
 
-int Run(const Arguments& arguments) {
+int Run(const EvalArguments& arguments) {
   std::error_code ec;
   return fs::is_directory(arguments.estimate, ec) ? RunOnTake(arguments) : RunOnJoints(arguments);
 }
@@ -186,7 +186,7 @@ int Run(const Arguments& arguments) {
 Command AddEvalCommand(CLI::App* parent) {
   CLI::App* const app =
       parent->add_subcommand("eval", "Compare a capture, or its joints alone, with the truth");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<EvalArguments>();
   app->add_option("take", arguments->estimate, "Folder of a capture, or a joints.trc")->required();
   app->add_option("--truth", arguments->truth,
                   "The truth: a clip's folder or truth.json, or joints as .trc or .json")

@@ -9,6 +9,7 @@
 
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
+#include "mpc/core/units.h"
 #include "mpc/eval/surface_metrics.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/mask_file.h"
@@ -24,7 +25,6 @@ namespace {
 namespace fs = std::filesystem;
 using Eigen::Index;
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 const Eigen::Vector3d kUp = Eigen::Vector3d::UnitY();
 
 bool Has(std::span<const mpc::JointId> joints, mpc::JointId joint) {
@@ -186,7 +186,8 @@ struct MaskWork {
 };
 
 MaskScores EmptyScores(int num_frames) {
-  return {Eigen::VectorXd::Constant(num_frames, kNan), Eigen::VectorXd::Constant(num_frames, kNan)};
+  return {Eigen::VectorXd::Constant(num_frames, mpc::kNan),
+          Eigen::VectorXd::Constant(num_frames, mpc::kNan)};
 }
 
 void ScoreMask(const cv::Mat& mask, const cv::Mat& truth, int frame, MaskScores* scores) {

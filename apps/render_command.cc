@@ -7,6 +7,7 @@
 
 #include "command.h"
 #include "console.h"
+#include "mpc/core/units.h"
 #include "mpc/free_view.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/gltf.h"
@@ -16,7 +17,7 @@
 namespace monoperfcap {
 namespace {
 
-struct Arguments {
+struct RenderArguments {
   std::string take;
   std::string actor;
   std::string output;
@@ -31,7 +32,7 @@ struct Arguments {
   throw mpc::Error(code, text);
 }
 
-int Render(const Arguments& arguments, const mpc::ViewedSurface& surface) {
+int Render(const RenderArguments& arguments, const mpc::ViewedSurface& surface) {
   ConsoleProgress progress(arguments.quiet);
   if (!mpc::RenderSurface(surface, arguments.output, arguments.options,
                           [&progress](const mpc::Progress& step) { return progress(step); })) {
@@ -46,7 +47,7 @@ int Render(const Arguments& arguments, const mpc::ViewedSurface& surface) {
 }
 
 // A point cache in the world of a camera.
-int RenderCache(const Arguments& arguments) {
+int RenderCache(const RenderArguments& arguments) {
   if (arguments.actor.empty() || arguments.view.camera.empty() || arguments.orbit_deg != 0) {
     Fail(mpc::ErrorCode::kInvalidArgument,
          arguments.take + " is a point cache: it needs --actor and --camera, and has no --orbit");
@@ -80,11 +81,11 @@ int RenderCache(const Arguments& arguments) {
                             .inputs = {arguments.take, arguments.actor}});
 }
 
-int Run(const Arguments& arguments) {
+int Run(const RenderArguments& arguments) {
   if (arguments.take.ends_with(".pc2")) return RenderCache(arguments);
   const mpc::Take take = mpc::ReadTake(arguments.take, {}, arguments.actor);
   mpc::TakeView view = arguments.view;
-  view.orbit_rad = arguments.orbit_deg * std::numbers::pi / 180;
+  view.orbit_rad = arguments.orbit_deg * mpc::kDegree;
   return Render(arguments, mpc::ViewOfTake(take, view));
 }
 
@@ -93,7 +94,7 @@ int Run(const Arguments& arguments) {
 Command AddRenderCommand(CLI::App* parent) {
   CLI::App* const app =
       parent->add_subcommand("render", "See a captured performance from any camera");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<RenderArguments>();
   mpc::RenderOptions& options = arguments->options;
   app->add_option("take", arguments->take,
                   "Folder of a capture, or a point cache (.pc2) in the world of --camera")

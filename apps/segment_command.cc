@@ -10,7 +10,7 @@
 namespace monoperfcap {
 namespace {
 
-struct Arguments {
+struct SegmentArguments {
   std::string take;
   std::string video;
   std::string actor;
@@ -22,7 +22,7 @@ struct Arguments {
   bool quiet = false;
 };
 
-int Run(const Arguments& arguments) {
+int Run(const SegmentArguments& arguments) {
   mpc::SegmentOptions options = arguments.options;
   if (arguments.preset == "paper") options.silhouettes = mpc::SilhouetteOptions::Paper();
   options.silhouettes.num_threads = arguments.num_threads;
@@ -49,7 +49,7 @@ int Run(const Arguments& arguments) {
 Command AddSegmentCommand(CLI::App* parent) {
   CLI::App* const app =
       parent->add_subcommand("segment", "Find the silhouettes of a captured performance again");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<SegmentArguments>();
   mpc::SegmentOptions& options = arguments->options;
   app->add_option("take", arguments->take, "Folder of a capture (its poses.json)")->required();
   app->add_option("clip", arguments->video, "The video, where it is not in its place any more");

@@ -6,13 +6,14 @@
 #include <vector>
 
 #include "command.h"
+#include "mpc/core/units.h"
 #include "mpc/eval/motions.h"
 #include "synthetic_clip.h"
 
 namespace monoperfcap {
 namespace {
 
-struct Arguments {
+struct SynthArguments {
   SyntheticClipRequest request;
   double fov_deg = 60;
   std::string camera = "static";
@@ -38,10 +39,10 @@ auto Find(const Values& values, Name name, const std::string& wanted) {
   return values.front();
 }
 
-int Run(const Arguments& arguments) {
+int Run(const SynthArguments& arguments) {
   SyntheticClipRequest request = arguments.request;
   mpc::PerformanceOptions& options = request.options;
-  options.camera.fov_rad = arguments.fov_deg * std::numbers::pi / 180;
+  options.camera.fov_rad = arguments.fov_deg * mpc::kDegree;
   options.camera.motion = Find(mpc::kAllCameraMotions, mpc::CameraMotionName, arguments.camera);
   options.errors = Find(mpc::kAllDetectionErrors, mpc::DetectionErrorsName, arguments.noise);
   request.outfit = Find(mpc::kAllOutfits, mpc::OutfitName, arguments.outfit);
@@ -56,7 +57,7 @@ int Run(const Arguments& arguments) {
   return kExitOk;
 }
 
-void AddCameraOptions(CLI::App* app, Arguments* arguments) {
+void AddCameraOptions(CLI::App* app, SynthArguments* arguments) {
   mpc::SyntheticCameraOptions& camera = arguments->request.options.camera;
   app->add_option("--camera", arguments->camera, "How the camera moves")
       ->check(CLI::IsMember(Names(mpc::kAllCameraMotions, mpc::CameraMotionName)))
@@ -75,7 +76,7 @@ void AddCameraOptions(CLI::App* app, Arguments* arguments) {
       ->capture_default_str();
 }
 
-void AddSceneOptions(CLI::App* app, Arguments* arguments) {
+void AddSceneOptions(CLI::App* app, SynthArguments* arguments) {
   mpc::SceneOptions& scene = arguments->request.options.scene;
   app->add_option("--place", arguments->place, "Where it happens; default: by seed")
       ->check(CLI::IsMember(Names(mpc::kAllPlaces, mpc::PlaceName)));
@@ -99,7 +100,7 @@ void AddSceneOptions(CLI::App* app, Arguments* arguments) {
 Command AddSynthCommand(CLI::App* parent) {
   CLI::App* const app =
       parent->add_subcommand("synth", "Make a clip with known truth to try the capture on");
-  const auto arguments = std::make_shared<Arguments>();
+  const auto arguments = std::make_shared<SynthArguments>();
   SyntheticClipRequest& request = arguments->request;
   app->add_option("-o,--output", request.output, "Folder for the files")->required();
   const std::vector<std::string> motions = Names(mpc::kAllMotions, mpc::MotionName);

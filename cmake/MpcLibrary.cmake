@@ -4,14 +4,6 @@ include(CMakePackageConfigHelpers)
 
 set(MPC_WARNINGS -Wall -Wextra -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor)
 
-# What nearly every source includes. MPC_PRECOMPILE compiles it once for the libraries (mpc_core) and
-# once for the tests (mpc_test_main), for half of a build's time; only where warnings do not matter:
-# g++ 12 forgets in precompiled headers which of them are the system's.
-set(MPC_PRECOMPILED_HEADERS
-  <algorithm> <array> <cmath> <cstdint> <filesystem> <functional> <limits> <map> <memory> <numbers>
-  <optional> <random> <span> <string> <string_view> <utility> <vector>
-  <Eigen/Cholesky> <Eigen/Core> <Eigen/Geometry> <Eigen/LU>)
-
 function(mpc_set_warnings target)
   target_compile_options(${target} PRIVATE ${MPC_WARNINGS} $<$<BOOL:${MPC_WERROR}>:-Werror>)
 endfunction()
@@ -36,11 +28,6 @@ function(mpc_add_library name)
     set_target_properties(${target} PROPERTIES OUTPUT_NAME ${ARG_OUTPUT_NAME})
   endif()
   mpc_set_warnings(${target})
-  if(MPC_PRECOMPILE AND name STREQUAL core)
-    target_precompile_headers(${target} PRIVATE ${MPC_PRECOMPILED_HEADERS} <fmt/format.h>)
-  elseif(MPC_PRECOMPILE)
-    target_precompile_headers(${target} REUSE_FROM mpc_core)
-  endif()
   install(TARGETS ${target} EXPORT mpcTargets FILE_SET HEADERS)
 endfunction()
 
@@ -58,9 +45,6 @@ endfunction()
 function(mpc_add_test name)
   cmake_parse_arguments(ARG "" "LABEL" "SOURCES;DEPS" ${ARGN})
   mpc_add_program(${name} SOURCES ${ARG_SOURCES} DEPS ${ARG_DEPS} mpc_test_main)
-  if(MPC_PRECOMPILE)
-    target_precompile_headers(${name} REUSE_FROM mpc_test_main)
-  endif()
   gtest_discover_tests(${name} PROPERTIES LABELS ${ARG_LABEL} DISCOVERY_TIMEOUT 60)
   if(NOT TARGET ${ARG_LABEL}_tests)
     add_custom_target(${ARG_LABEL}_tests)

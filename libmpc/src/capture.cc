@@ -34,7 +34,6 @@ namespace fs = std::filesystem;
 constexpr const char* kGltfName = "performance.glb";
 constexpr const char* kBvhName = "motion.bvh";
 constexpr const char* kTrcName = "joints.trc";
-constexpr const char* kOverlayName = "overlay.mp4";
 // Of a focal length that the video's file states: cameras crop the picture to steady it.
 constexpr double kStatedFocalSigma = 0.1;
 
@@ -216,10 +215,11 @@ Capture::Capture(CaptureInputs inputs, fs::path output, CaptureOptions options)
   loaded_ = std::make_unique<Inputs>(inputs_, options_);
   const std::array inputs_to_keep = {inputs_.video,        inputs_.actor, inputs_.detections2d,
                                      inputs_.detections3d, inputs_.masks, inputs_.true_masks};
-  internal::PrepareOutput(output_, inputs_to_keep,
-                          std::array{kDetections2dName, kDetections3dName, kGltfName, kBvhName,
-                                     kTrcName, internal::kPosesName, internal::kMasksName,
-                                     internal::kSurfaceName, kOverlayName, internal::kReportName});
+  internal::PrepareOutput(
+      output_, inputs_to_keep,
+      std::array{kDetections2dName, kDetections3dName, kGltfName, kBvhName, kTrcName,
+                 internal::kPosesName, internal::kMasksName, internal::kSurfaceName,
+                 internal::kOverlayName, internal::kReportName});
 }
 
 Capture::~Capture() = default;
@@ -318,8 +318,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
 
   // A report of an earlier run must not vouch for the files of this one.
   std::error_code ec;
-  for (const char* name :
-       {internal::kReportName, internal::kMasksName, internal::kSurfaceName, kOverlayName}) {
+  for (const char* name : {internal::kReportName, internal::kMasksName, internal::kSurfaceName,
+                           internal::kOverlayName}) {
     fs::remove(output_ / name, ec);
   }
   const internal::Performance performance = {
@@ -389,10 +389,10 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
           report.world,
           options_.masks ? output_ / internal::kMasksName : fs::path(),
           has_surface ? output_ / internal::kSurfaceName : fs::path()};
-      report.complete = internal::WriteOverlay(output_ / kOverlayName,
+      report.complete = internal::WriteOverlay(output_ / internal::kOverlayName,
                                                VideoReader(inputs_.video, inputs_.image_fps), scene,
                                                num_threads, progress);
-      if (report.complete) report.outputs.push_back(kOverlayName);
+      if (report.complete) report.outputs.push_back(internal::kOverlayName);
     });
   }
   report.outputs.push_back(internal::kReportName);

@@ -16,8 +16,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kOverlayName = "overlay.mp4";
-
 // False when the callback stopped it: then there is no file.
 bool WriteDetectionOverlay(const fs::path& path, const ClipToDetect& clip,
                            const Detections2d& detections, const ProgressCallback& progress) {
@@ -74,12 +72,12 @@ ClipDetections DetectToFolder(const ClipToDetect& clip, const fs::path& output,
                               const ClipDetectorOptions& options, bool overlay,
                               const ProgressCallback& progress) {
   internal::PrepareOutput(output, std::array{clip.video},
-                          std::array{kDetections2dName, kDetections3dName, kOverlayName});
+                          std::array{kDetections2dName, kDetections3dName, internal::kOverlayName});
   ClipDetections detections = DetectClip(clip, options, progress);
   WriteDetections(output / kDetections2dName, detections.detections2d);
   WriteDetections(output / kDetections3dName, detections.detections3d);
-  if (overlay &&
-      !WriteDetectionOverlay(output / kOverlayName, clip, detections.detections2d, progress)) {
+  if (overlay && !WriteDetectionOverlay(output / internal::kOverlayName, clip,
+                                        detections.detections2d, progress)) {
     throw Error(ErrorCode::kCancelled, "stopped while the overlay was drawn");
   }
   return detections;

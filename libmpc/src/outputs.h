@@ -17,6 +17,7 @@ namespace mpc::internal {
 
 inline constexpr const char* kPosesName = "poses.json";
 inline constexpr const char* kSurfaceName = "surface.pc2";
+inline constexpr const char* kOverlayName = "overlay.mp4";
 inline constexpr const char* kReportName = "report.json";
 
 // What the writers need: character and rig with the proportions of the poses (camera frame).

@@ -42,13 +42,12 @@ Take ReadTake(const fs::path& folder, const fs::path& video, const fs::path& act
 SegmentReport SegmentTake(const Take& take, const fs::path& output, const SegmentOptions& options,
                           const ProgressCallback& progress) {
   constexpr const char* kReportName = "silhouettes.json";
-  constexpr const char* kOverlayName = "overlay.mp4";
   options.silhouettes.Validate();
   // A capture folder's own files belong together; they count as inputs here.
   const std::array<fs::path, 2> inputs = {take.video, options.true_masks};
-  internal::PrepareOutput(
-      output, inputs,
-      std::array{internal::kMasksName, internal::kMaskFolderName, kOverlayName, kReportName});
+  internal::PrepareOutput(output, inputs,
+                          std::array{internal::kMasksName, internal::kMaskFolderName,
+                                     internal::kOverlayName, kReportName});
   std::error_code ec;
   if (fs::exists(output / internal::kPosesName, ec)) {
     throw Error(ErrorCode::kInvalidArgument,
@@ -56,7 +55,7 @@ SegmentReport SegmentTake(const Take& take, const fs::path& output, const Segmen
                             "choose another output folder",
                             output.string()));
   }
-  for (const char* name : {kReportName, internal::kMasksName, kOverlayName}) {
+  for (const char* name : {kReportName, internal::kMasksName, internal::kOverlayName}) {
     fs::remove(output / name, ec);  // of an earlier run
   }
   PosedClip clip = take.clip();
@@ -64,14 +63,14 @@ SegmentReport SegmentTake(const Take& take, const fs::path& output, const Segmen
   const internal::MaskOutputs files = {
       .video = output / internal::kMasksName,
       .pictures = options.pictures ? output / internal::kMaskFolderName : fs::path(),
-      .overlay = options.overlay ? output / kOverlayName : fs::path()};
+      .overlay = options.overlay ? output / internal::kOverlayName : fs::path()};
   SegmentReport report;
   report.frames = internal::WriteMasks(files, take.fps, clip, options.silhouettes, progress);
   report.complete = static_cast<Eigen::Index>(report.frames.size()) == take.poses.cols();
   if (report.complete) {
     report.outputs.push_back(internal::kMasksName);
     if (options.pictures) report.outputs.push_back(internal::kMaskFolderName);
-    if (options.overlay) report.outputs.push_back(kOverlayName);
+    if (options.overlay) report.outputs.push_back(internal::kOverlayName);
   }
   internal::AddSilhouetteWarnings(report.frames, &report.warnings);
   report.outputs.push_back(kReportName);

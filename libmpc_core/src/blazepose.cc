@@ -7,24 +7,26 @@
 namespace mpc {
 namespace {
 
-enum Landmark {
-  kNose = 0,
-  kLeftEye = 2,
-  kRightEye = 5,
-  kLeftEar = 7,
-  kRightEar = 8,
-  kLeftShoulder = 11,
-  kRightShoulder = 12,
-  kLeftHip = 23,
-  kRightHip = 24,
+struct Landmark {
+  enum : int {
+    kNose = 0,
+    kLeftEye = 2,
+    kRightEye = 5,
+    kLeftEar = 7,
+    kRightEar = 8,
+    kLeftShoulder = 11,
+    kRightShoulder = 12,
+    kLeftHip = 23,
+    kRightHip = 24,
+  };
 };
 
 // Joints that are one landmark as it stands.
 constexpr std::array<std::pair<JointId, int>, 19> kPlainLandmarks = {{
-    {JointId::kLeftEar, kLeftEar},
-    {JointId::kRightEar, kRightEar},
-    {JointId::kLeftShoulder, kLeftShoulder},
-    {JointId::kRightShoulder, kRightShoulder},
+    {JointId::kLeftEar, Landmark::kLeftEar},
+    {JointId::kRightEar, Landmark::kRightEar},
+    {JointId::kLeftShoulder, Landmark::kLeftShoulder},
+    {JointId::kRightShoulder, Landmark::kRightShoulder},
     {JointId::kLeftElbow, 13},
     {JointId::kRightElbow, 14},
     {JointId::kLeftWrist, 15},
@@ -37,9 +39,9 @@ constexpr std::array<std::pair<JointId, int>, 19> kPlainLandmarks = {{
     {JointId::kRightHeel, 30},
     {JointId::kLeftToe, 31},
     {JointId::kRightToe, 32},
-    {JointId::kNose, kNose},
-    {JointId::kLeftEye, kLeftEye},
-    {JointId::kRightEye, kRightEye},
+    {JointId::kNose, Landmark::kNose},
+    {JointId::kLeftEye, Landmark::kLeftEye},
+    {JointId::kRightEye, Landmark::kRightEye},
 }};
 constexpr std::array kComputedJoints = {JointId::kHeadTop, JointId::kNeck, JointId::kPelvis,
                                         JointId::kLeftHip, JointId::kRightHip};
@@ -53,16 +55,16 @@ template <int D>
 void Positions(const Eigen::Matrix<double, D, kNumBlazePoseLandmarks>& x,
                Eigen::Matrix<double, D, Eigen::Dynamic>* positions) {
   using Vector = Eigen::Matrix<double, D, 1>;
-  const Vector shoulders = 0.5 * (x.col(kLeftShoulder) + x.col(kRightShoulder));
-  const Vector hips = 0.5 * (x.col(kLeftHip) + x.col(kRightHip));
-  const Vector ears = 0.5 * (x.col(kLeftEar) + x.col(kRightEar));
+  const Vector shoulders = 0.5 * (x.col(Landmark::kLeftShoulder) + x.col(Landmark::kRightShoulder));
+  const Vector hips = 0.5 * (x.col(Landmark::kLeftHip) + x.col(Landmark::kRightHip));
+  const Vector ears = 0.5 * (x.col(Landmark::kLeftEar) + x.col(Landmark::kRightEar));
   const Vector hip_shift = kHipShift * (shoulders - hips);
   positions->resize(D, kNumJoints);
   positions->col(0) = shoulders + kHeadTopFromEars * (ears - shoulders);
   positions->col(1) = shoulders + kNeckFromEars * (ears - shoulders);
   positions->col(2) = hips + hip_shift;
-  positions->col(3) = x.col(kLeftHip) + hip_shift;
-  positions->col(4) = x.col(kRightHip) + hip_shift;
+  positions->col(3) = x.col(Landmark::kLeftHip) + hip_shift;
+  positions->col(4) = x.col(Landmark::kRightHip) + hip_shift;
   Eigen::Index j = kComputedJoints.size();
   for (const auto& [joint, landmark] : kPlainLandmarks) positions->col(j++) = x.col(landmark);
 }
@@ -91,10 +93,11 @@ void JointsFromBlazePose(const Eigen::Matrix<double, 3, kNumBlazePoseLandmarks>&
 Eigen::VectorXd JointConfidencesFromBlazePose(
     const Eigen::Vector<double, kNumBlazePoseLandmarks>& confidences) {
   const auto& c = confidences;
-  const double hips = std::min(c[kLeftHip], c[kRightHip]);
-  const double head = std::min({c[kLeftShoulder], c[kRightShoulder], c[kLeftEar], c[kRightEar]});
+  const double hips = std::min(c[Landmark::kLeftHip], c[Landmark::kRightHip]);
+  const double head = std::min({c[Landmark::kLeftShoulder], c[Landmark::kRightShoulder],
+                                c[Landmark::kLeftEar], c[Landmark::kRightEar]});
   Eigen::VectorXd joints(kNumJoints);
-  joints.head<5>() << head, head, hips, c[kLeftHip], c[kRightHip];
+  joints.head<5>() << head, head, hips, c[Landmark::kLeftHip], c[Landmark::kRightHip];
   Eigen::Index j = kComputedJoints.size();
   for (const auto& [joint, landmark] : kPlainLandmarks) joints[j++] = c[landmark];
   return joints;

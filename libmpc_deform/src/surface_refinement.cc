@@ -13,10 +13,10 @@
 namespace mpc {
 namespace {
 
-constexpr double kLeastRobust_m = 0.04;
+constexpr double kLeastCloth_m = 0.04;
 
 void WeighByDistance(double deviations, Correspondences* correspondences) {
-  const double scale = std::max(RobustScale(*correspondences, deviations), kLeastRobust_m);
+  const double scale = std::max(RobustScale(*correspondences, deviations), kLeastCloth_m);
   for (int c = 0; c < correspondences->size(); ++c) {
     const double q = correspondences->distances[c] / scale;
     correspondences->weights[c] /= (1 + q * q) * (1 + q * q);

@@ -14,8 +14,8 @@
 namespace mpc {
 namespace {
 
-constexpr int kInputSize = 224;
-constexpr double kMinScore = 0.5;
+constexpr int kDetectorInput = 224;
+constexpr double kMinPersonScore = 0.5;
 constexpr double kSamePersonIou = 0.3;
 constexpr double kTileShare = 0.75;  // of the picture's shorter side
 // In units of RegionDistance: nearer candidates are the same person.
@@ -38,7 +38,7 @@ struct Box {
   double score;
 };
 
-double Sigmoid(double x) { return 1 / (1 + std::exp(-x)); }
+double Probability(double logit) { return 1 / (1 + std::exp(-logit)); }
 
 std::vector<Box> Decode(const float* values, const float* logits) {
   std::vector<Box> boxes;
@@ -47,11 +47,11 @@ std::vector<Box> Decode(const float* values, const float* logits) {
       const double x = (cell % grid.cells + 0.5) / grid.cells;
       const double y = (cell / grid.cells + 0.5) / grid.cells;
       for (int a = 0; a < grid.per_cell; ++a, values += kNumValues, ++logits) {
-        const double score = Sigmoid(*logits);
-        if (!(score >= kMinScore)) continue;
+        const double score = Probability(*logits);
+        if (!(score >= kMinPersonScore)) continue;
         Box& box = boxes.emplace_back();
         box.score = score;
-        for (int i = 0; i < kNumValues; ++i) box.values[i] = double{values[i]} / kInputSize;
+        for (int i = 0; i < kNumValues; ++i) box.values[i] = double{values[i]} / kDetectorInput;
         for (int i = 0; i < kNumValues; i += 2) {
           if (i != 2) box.values.segment<2>(i) += Eigen::Vector2d(x, y);
         }
@@ -98,11 +98,11 @@ std::vector<Box> Merge(std::vector<Box> boxes) {
 
 // The area at the middle of the network's square input, as large as fits; black elsewhere.
 cv::Mat LetterBox(const cv::Mat& bgr, const cv::Rect& area) {
-  const double scale = static_cast<double>(std::max(area.width, area.height)) / kInputSize;
-  const double shift = scale * (0.5 - kInputSize / 2.0) - 0.5;
+  const double scale = static_cast<double>(std::max(area.width, area.height)) / kDetectorInput;
+  const double shift = scale * (0.5 - kDetectorInput / 2.0) - 0.5;
   const cv::Matx23d picture_from_input(scale, 0, shift + area.x + area.width / 2.0,  //
                                        0, scale, shift + area.y + area.height / 2.0);
-  return internal::WarpToSquare(bgr, picture_from_input, kInputSize, cv::BORDER_CONSTANT);
+  return internal::WarpToSquare(bgr, picture_from_input, kDetectorInput, cv::BORDER_CONSTANT);
 }
 
 std::vector<int> TileStarts(int length, int side) {
@@ -119,11 +119,11 @@ std::vector<int> TileStarts(int length, int side) {
 
 PersonDetector::PersonDetector(Network network) : network_(std::move(network)) {
   if (network_.input_width() != 0 &&
-      (network_.input_width() != kInputSize || network_.input_height() != kInputSize)) {
-    throw Error(
-        ErrorCode::kUnsupported,
-        fmt::format("{} takes pictures of {}x{}, a person detector {}x{}", network_.name(),
-                    network_.input_width(), network_.input_height(), kInputSize, kInputSize));
+      (network_.input_width() != kDetectorInput || network_.input_height() != kDetectorInput)) {
+    throw Error(ErrorCode::kUnsupported,
+                fmt::format("{} takes pictures of {}x{}, a person detector {}x{}", network_.name(),
+                            network_.input_width(), network_.input_height(), kDetectorInput,
+                            kDetectorInput));
   }
 }
 

@@ -13,7 +13,7 @@
 namespace mpc {
 namespace {
 
-constexpr int kInputSize = 256;
+constexpr int kLandmarkInput = 256;
 constexpr int kNumPoints = 39;  // the landmarks, then the region's two points, then unused ones
 constexpr int kHipsPoint = 33;
 constexpr int kReachPoint = 34;
@@ -76,7 +76,7 @@ SquarePose Decode(const std::vector<cv::Mat>& outputs, const std::string& name) 
     const auto total = static_cast<int>(output.total());
     if (total == 5 * kNumPoints) points = output;
     if (total == 1) score = output;
-    if (total == kInputSize * kInputSize) mask = output;
+    if (total == kLandmarkInput * kLandmarkInput) mask = output;
     if (total == kHeatmapSize * kHeatmapSize * kNumPoints && output.dims == 4) heatmap = output;
     if (total == 3 * kNumPoints) world = output;
   }
@@ -89,7 +89,7 @@ SquarePose Decode(const std::vector<cv::Mat>& outputs, const std::string& name) 
   const Heatmap scores(heatmap);
   for (int i = 0; i < kNumPoints; ++i) {
     const float* const point = points.ptr<float>() + 5 * i;
-    pose.points.col(i) = Eigen::Vector2d(point[0], point[1]) / kInputSize;
+    pose.points.col(i) = Eigen::Vector2d(point[0], point[1]) / kLandmarkInput;
     Refine(scores, i, pose.points.col(i));
     if (i >= kNumBlazePoseLandmarks) continue;
     pose.visibility[i] = Sigmoid(point[3]);
@@ -97,7 +97,7 @@ SquarePose Decode(const std::vector<cv::Mat>& outputs, const std::string& name) 
     const float* const in_world = world.ptr<float>() + 3 * i;
     pose.world.col(i) << in_world[0], in_world[1], in_world[2];
   }
-  pose.mask.create(kInputSize, kInputSize, CV_32F);
+  pose.mask.create(kLandmarkInput, kLandmarkInput, CV_32F);
   std::transform(mask.ptr<float>(), mask.ptr<float>() + mask.total(), pose.mask.ptr<float>(),
                  Sigmoid);
   return pose;
@@ -145,11 +145,11 @@ Eigen::Vector<double, kNumBlazePoseLandmarks> PersonPose::Confidences() const {
 PoseLandmarker::PoseLandmarker(Network network, PoseLandmarkerOptions options)
     : network_(std::move(network)), options_(options) {
   if (network_.input_width() != 0 &&
-      (network_.input_width() != kInputSize || network_.input_height() != kInputSize)) {
+      (network_.input_width() != kLandmarkInput || network_.input_height() != kLandmarkInput)) {
     throw Error(ErrorCode::kUnsupported,
                 fmt::format("{} takes pictures of {}x{}, a network for body landmarks {}x{}",
                             network_.name(), network_.input_width(), network_.input_height(),
-                            kInputSize, kInputSize));
+                            kLandmarkInput, kLandmarkInput));
   }
 }
 
@@ -158,7 +158,7 @@ PersonPose PoseLandmarker::Find(const cv::Mat& bgr, const PersonRegion& region) 
     const cv::Mat blob = cv::dnn::blobFromImage(square, 1 / 255.0, {}, {}, /*swapRB=*/true);
     return Decode(network_.Run(blob), network_.name());
   };
-  cv::Mat square = CropRegion(bgr, region, kInputSize);
+  cv::Mat square = CropRegion(bgr, region, kLandmarkInput);
   SquarePose found = look(square);
   if (options_.average_mirrored) {
     cv::flip(square, square, 1);

@@ -14,8 +14,8 @@
 namespace mpc {
 namespace {
 
-constexpr double kMinScore = 0.5;     // to go on following
-constexpr double kMinNewScore = 0.8;  // to believe in a person
+constexpr double kMinTrackScore = 0.5;  // to go on following
+constexpr double kMinNewScore = 0.8;    // to believe in a person
 constexpr double kMinNewVisibility = 0.5;
 constexpr double kMinLostVisibility = 0.4;
 constexpr double kMinRegionPx = 8;
@@ -121,7 +121,7 @@ std::optional<PersonPose> PoseTracker::Verify(const cv::Mat& bgr, const PersonRe
 
 void PoseTracker::Follow(const cv::Mat& bgr, Track* track) {
   PersonPose pose = landmarker_.Find(bgr, track->predicted);
-  const auto is_person = [&pose] { return pose.score >= kMinScore && IsUsable(pose.refined); };
+  const auto is_person = [&pose] { return pose.score >= kMinTrackScore && IsUsable(pose.refined); };
   // A person near the square's border is seen badly: another look, from where this one says.
   for (int look = 0; look < kMaxLooks && is_person(); ++look) {
     if (RegionDistance(pose.refined, pose.region) < kMaxOffCenter) break;

@@ -12,8 +12,6 @@ namespace {
 using cv::Vec3f;
 using Eigen::Vector3d;
 
-constexpr double kPi = std::numbers::pi;
-
 Vec3f Rgb(int hex) {
   return {static_cast<float>(hex & 255), static_cast<float>((hex >> 8) & 255),
           static_cast<float>(hex >> 16)};

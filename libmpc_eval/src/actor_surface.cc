@@ -22,9 +22,9 @@ std::shared_ptr<const Texture> Decoded(const RigMesh& mesh) {
 }
 
 // Colours of skin and clothes by where a vertex sits on the body at bind.
-class Wardrobe {
+class OutfitColors {
  public:
-  Wardrobe(const Character& character, uint64_t seed) : character_(character) {
+  OutfitColors(const Character& character, uint64_t seed) : character_(character) {
     Dice dice(seed * 31 + 5);
     skin_ = Hsv(dice.Between(0.045, 0.075), dice.Between(0.32, 0.5), dice.Between(0.55, 0.92));
     hair_ = Hsv(dice.Between(0.03, 0.1), dice.Between(0.4, 0.7), dice.Between(0.1, 0.42));
@@ -104,7 +104,7 @@ ActorSurface::ActorSurface(const RigAsset& rig, const Character& character, uint
   weld_ = WeldedVertices(character.mesh.positions);
   triangles_ = welded_ = character.mesh.triangles;
   for (int& v : welded_.reshaped()) v = weld_[static_cast<size_t>(v)];
-  const Wardrobe wardrobe(character, seed);
+  const OutfitColors colors(character, seed);
   Eigen::Index first = 0;
   for (const RigMesh& mesh : rig.meshes) {
     LitMesh part;
@@ -115,7 +115,7 @@ ActorSurface::ActorSurface(const RigAsset& rig, const Character& character, uint
     } else {
       part.vertex_bgr.resize(3, mesh.mesh.positions.cols());
       for (Eigen::Index v = 0; v < mesh.mesh.positions.cols(); ++v) {
-        const cv::Vec3f bgr = wardrobe.At(first + v);
+        const cv::Vec3f bgr = colors.At(first + v);
         part.vertex_bgr.col(v) << bgr[0], bgr[1], bgr[2];
       }
     }

@@ -8,12 +8,11 @@
 #include <limits>
 
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMmPerMetre = 1e3;
 constexpr std::array kFeet = {JointId::kLeftAnkle, JointId::kRightAnkle, JointId::kLeftToe,
                               JointId::kRightToe};
 

@@ -10,7 +10,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kSheetRoom = 0.0065;  // between a sheet and the body's capsules
 
 struct Cut {
@@ -73,12 +72,12 @@ Sheet MakeSheet(const ActorShape& shape, Outfit outfit) {
   sheet.weights.setZero(3, num_particles);
   const double slope = 1 / std::hypot(1.0, cut.flare);
   const int steps = sheet.closed ? sheet.columns : sheet.columns - 1;
-  const double turn = (2 * kPi - 2 * cut.opening_rad) / steps;
+  const double turn = (2 * std::numbers::pi - 2 * cut.opening_rad) / steps;
   for (int r = 0; r < sheet.rings; ++r) {
     const double t = static_cast<double>(r) / (sheet.rings - 1);
     const double down = t * length * slope;
     for (int c = 0; c < sheet.columns; ++c) {
-      const double angle = cut.opening_rad + turn * c + (sheet.closed ? kPi : 0);
+      const double angle = cut.opening_rad + turn * c + (sheet.closed ? std::numbers::pi : 0);
       // A slight wave decides where the folds will form.
       const double wave = 0.035 * t * std::sin(9 * angle + 0.7) + 0.025 * t * std::sin(5 * angle);
       const double wide = (cut.room + cut.flare * down) * (1 + wave);

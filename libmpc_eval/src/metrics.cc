@@ -8,12 +8,10 @@
 #include <limits>
 
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kMmPerMetre = 1e3;
 
 void RequireSameSize(const Eigen::MatrixXd& a, const Eigen::MatrixXd& b) {
   if (a.rows() != b.rows() || a.cols() != b.cols()) {

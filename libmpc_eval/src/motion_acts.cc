@@ -9,12 +9,10 @@
 
 #include "mpc/core/error.h"
 #include "mpc/core/rigid.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
-
-constexpr double kPi = std::numbers::pi;
-constexpr double kDegree = kPi / 180;
 
 Eigen::Matrix3d AboutX(double angle) {
   return Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()).toRotationMatrix();
@@ -60,7 +58,7 @@ void StepLeg(const std::string& side, double phase, double stride_rad, double li
 void Stride(double phase, double length, PoseBuilder* body) {
   ArmsDown(body);
   StepLeg("left_", phase, 0.40 * length, 0.55 + 0.40 * length, body);
-  StepLeg("right_", phase + kPi, 0.40 * length, 0.55 + 0.40 * length, body);
+  StepLeg("right_", phase + std::numbers::pi, 0.40 * length, 0.55 + 0.40 * length, body);
   const double swing = length * std::cos(phase);
   body->Angle("left_shoulder_flexion", -0.45 * swing);
   body->Angle("right_shoulder_flexion", 0.45 * swing);
@@ -71,7 +69,7 @@ void Stride(double phase, double length, PoseBuilder* body) {
 }
 
 void Walk(double t, double, PoseBuilder* body) {
-  const double phase = 2 * kPi * 0.9 * t;
+  const double phase = 2 * std::numbers::pi * 0.9 * t;
   const double turn_rad_per_s = 0.9;
   body->Root(AboutY(turn_rad_per_s * t) * AboutZ(0.03 * std::sin(phase)), {0, 0, 0});
   Stride(phase, 1, body);
@@ -80,13 +78,13 @@ void Walk(double t, double, PoseBuilder* body) {
 
 // Straight on, half a turn on small steps, and back.
 void TurnAround(double t, double seconds, PoseBuilder* body) {
-  const double phase = 2 * kPi * 0.9 * t;
+  const double phase = 2 * std::numbers::pi * 0.9 * t;
   const double half = 0.5 * std::min(1.5, seconds);
   const double middle = 0.5 * seconds;
   const double turned = Rise(t, middle - half, middle + half);
   const double shorter = Rise(t, middle - 1.6 * half, middle - 0.8 * half) *
                          (1 - Rise(t, middle + 0.8 * half, middle + 1.6 * half));
-  body->Root(AboutY(kPi * turned) * AboutZ(0.03 * std::sin(phase)), {0, 0, 0});
+  body->Root(AboutY(std::numbers::pi * turned) * AboutZ(0.03 * std::sin(phase)), {0, 0, 0});
   Stride(phase, 1 - 0.7 * shorter, body);
   // The head goes first.
   const double ahead = Rise(t + 0.2, middle - half, middle + half);
@@ -94,7 +92,7 @@ void TurnAround(double t, double seconds, PoseBuilder* body) {
 }
 
 void Squat(double t, double, PoseBuilder* body) {
-  const double depth = 0.5 * (1 - std::cos(2 * kPi * 0.4 * t));
+  const double depth = 0.5 * (1 - std::cos(2 * std::numbers::pi * 0.4 * t));
   const double lean = 0.45 * depth;
   body->Root(AboutX(lean), {0, 0, 0});
   ArmsDown(body);
@@ -111,24 +109,25 @@ void Squat(double t, double, PoseBuilder* body) {
 }
 
 void Turn(double t, double seconds, PoseBuilder* body) {
-  const double phase = 2 * kPi * 1.2 * t;
-  body->Root(AboutY(4 * kPi * SmoothStep(t / seconds)), {0, 0, 0});
+  const double phase = 2 * std::numbers::pi * 1.2 * t;
+  body->Root(AboutY(4 * std::numbers::pi * SmoothStep(t / seconds)), {0, 0, 0});
   ArmsDown(body);
   StepLeg("left_", phase, 0.04, 0.7, body);
-  StepLeg("right_", phase + kPi, 0.04, 0.7, body);
+  StepLeg("right_", phase + std::numbers::pi, 0.04, 0.7, body);
   for (const std::string side : {"left_", "right_"}) {
-    body->Angle(side + "shoulder_abduction", -0.9 + 0.3 * std::sin(2 * kPi * 0.5 * t));
+    body->Angle(side + "shoulder_abduction", -0.9 + 0.3 * std::sin(2 * std::numbers::pi * 0.5 * t));
     body->Angle(side + "elbow_flexion", 0.5);
   }
 }
 
 void Reach(double t, double, PoseBuilder* body) {
-  const double slow = 2 * kPi * 0.3 * t;
+  const double slow = 2 * std::numbers::pi * 0.3 * t;
   const double raise = 0.5 * (1 - std::cos(slow));
   body->Root(AboutY(0.3 * std::sin(slow)), {0, 0, 0});
   ArmsDown(body);
   body->Angle("right_shoulder_abduction", -1.36 + 2.5 * raise);
-  body->Angle("right_elbow_flexion", 0.3 + raise * (0.6 + 0.5 * std::sin(2 * kPi * 1.2 * t)));
+  body->Angle("right_elbow_flexion",
+              0.3 + raise * (0.6 + 0.5 * std::sin(2 * std::numbers::pi * 1.2 * t)));
   body->Angle("left_shoulder_flexion", 1.5 * raise);
   body->Angle("left_elbow_flexion", 0.5 - 0.4 * raise);
   body->Angle("spine_flexion", 0.5 * raise);
@@ -147,11 +146,11 @@ void Reach(double t, double, PoseBuilder* body) {
 }
 
 void Roll(double t, double seconds, PoseBuilder* body) {
-  const double roll = 2 * kPi * SmoothStep(t / seconds);
+  const double roll = 2 * std::numbers::pi * SmoothStep(t / seconds);
   const double trunk_radius_m = 0.15;
   // Head towards +x, lying on the back, then rolling about the long axis towards +z.
-  body->Root(AboutX(roll) * AboutZ(-0.5 * kPi) * AboutY(-0.5 * kPi),
-             {0, 0, trunk_radius_m * (roll - kPi)});
+  body->Root(AboutX(roll) * AboutZ(-0.5 * std::numbers::pi) * AboutY(-0.5 * std::numbers::pi),
+             {0, 0, trunk_radius_m * (roll - std::numbers::pi)});
   ArmsDown(body);
   const double tuck = std::sin(0.5 * roll) * std::sin(0.5 * roll);
   for (const std::string side : {"left_", "right_"}) {
@@ -193,7 +192,7 @@ void Jump(double t, double, PoseBuilder* body) {
   if (s > kTakeoffS) {
     // Legs drawn up a little in the air.
     const double air = (s - kTakeoffS) / (kLandingS - kTakeoffS);
-    depth = contact + 0.30 * std::pow(std::sin(kPi * std::min(air, 1.0)), 2);
+    depth = contact + 0.30 * std::pow(std::sin(std::numbers::pi * std::min(air, 1.0)), 2);
   }
   if (s > kLandingS) {
     depth = contact + 0.75 * (1 - (1 - absorb) * (1 - absorb));
@@ -265,14 +264,14 @@ void Sit(double t, double, PoseBuilder* body) {
   }
   body->Angle("spine_flexion", 0.10 * down + 0.10 * moving);
   body->Angle("neck_flexion", -0.35 * moving);
-  body->Angle("neck_twist", 0.5 * down * std::sin(2 * kPi * 0.4 * s));
+  body->Angle("neck_twist", 0.5 * down * std::sin(2 * std::numbers::pi * 0.4 * s));
 }
 
 // Stands and waves the right hand beside the head.
 void Wave(double t, double seconds, PoseBuilder* body) {
   const double raised = Rise(t, 0.1, 0.9) - Rise(t, seconds - 0.8, seconds);
-  const double swing = std::sin(2 * kPi * 1.4 * t);
-  const double sway = std::sin(2 * kPi * 0.35 * t);
+  const double swing = std::sin(2 * std::numbers::pi * 1.4 * t);
+  const double sway = std::sin(2 * std::numbers::pi * 0.35 * t);
   body->Root(AboutZ(0.02 * sway), {0, 0, 0});
   ArmsDown(body);
   body->Angle("right_shoulder_abduction", -1.36 + 1.45 * raised);
@@ -293,7 +292,7 @@ void Wave(double t, double seconds, PoseBuilder* body) {
 
 // Bows down to the floor, arms hanging, and comes up again.
 void Bend(double t, double, PoseBuilder* body) {
-  const double down = 0.5 * (1 - std::cos(2 * kPi * 0.35 * t));
+  const double down = 0.5 * (1 - std::cos(2 * std::numbers::pi * 0.35 * t));
   const double lean = 0.75 * down;
   body->Root(AboutX(lean), {0, 0, 0});
   ArmsDown(body);

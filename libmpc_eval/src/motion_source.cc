@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
@@ -126,7 +127,7 @@ double FlatPitch(const SourceMotion& source, const std::vector<LimbDirections>& 
       height_and_pitch.begin() + static_cast<std::ptrdiff_t>(height_and_pitch.size() / 2);
   std::nth_element(height_and_pitch.begin(), middle, height_and_pitch.end(),
                    [](const auto& a, const auto& b) { return a.second < b.second; });
-  return std::clamp(middle->second, 0.0, 50 * std::numbers::pi / 180);
+  return std::clamp(middle->second, 0.0, 50 * kDegree);
 }
 
 // Where the ankle and the toe tip sit in a foot differs between skeletons, and so does the pitch

@@ -13,7 +13,6 @@ namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kLampDistanceM = 400;  // outside of everything that casts shadows
 
 Material Made(const cv::Mat& picture, double repeat_m = 0) {
@@ -86,7 +85,7 @@ class Builder {
     ball.axis = -Vector3d::UnitZ();
     ball.spin_rad = half_reach / radius;
     ball.omega = dice_.Between(0.9, 1.5);
-    ball.phase = dice_.Between(0, 2 * kPi);
+    ball.phase = dice_.Between(0, 2 * std::numbers::pi);
     place_.movers.push_back(std::move(ball));
   }
 
@@ -99,7 +98,7 @@ class Builder {
     swing.pivot = {x, top, z};
     swing.spin_rad = dice_.Between(0.25, 0.5);
     swing.omega = std::sqrt(9.81 / length);
-    swing.phase = dice_.Between(0, 2 * kPi);
+    swing.phase = dice_.Between(0, 2 * std::numbers::pi);
     place_.movers.push_back(std::move(swing));
   }
 
@@ -224,7 +223,7 @@ class Builder {
           ground);
     Eigen::Matrix2Xd dome(2, 9);
     for (int i = 0; i < 9; ++i) {
-      const double elevation = 0.5 * kPi * i / 8;
+      const double elevation = 0.5 * std::numbers::pi * i / 8;
       dome.col(i) << 400 * std::cos(elevation), 400 * std::sin(elevation) - 6;
     }
     LitMesh sky = Turned({middle.x(), 0, middle.z()}, dome, Made(SkyTexture(&dice_)));
@@ -239,7 +238,7 @@ class Builder {
     Stand(Turned({x, 0, z}, trunk, {bark.texture, 1.5}), true);
     std::vector<LitMesh> crown;
     for (int i = 0; i < 7; ++i) {
-      const double around = dice_.Between(0, 2 * kPi), out = dice_.Between(0, 1.1);
+      const double around = dice_.Between(0, 2 * std::numbers::pi), out = dice_.Between(0, 1.1);
       crown.push_back(Ball({x + out * std::cos(around), height + dice_.Between(0.4, 2.2),
                             z + out * std::sin(around)},
                            dice_.Between(0.7, 1.2), leaves));
@@ -299,7 +298,7 @@ class Builder {
                        Box({x + 0.95, 0, z - 0.87}, {x + 1.6, 0.6, z + 0.87}, paint)});
     car.travel = {1.2 * HalfView(z) + 2, 0, 0};
     car.omega = dice_.Between(4, 7) / car.travel.x();
-    car.phase = dice_.Between(0, 2 * kPi);
+    car.phase = dice_.Between(0, 2 * std::numbers::pi);
     place_.movers.push_back(std::move(car));
   }
 

@@ -16,14 +16,13 @@
 #include "mpc/core/error.h"
 #include "mpc/core/joints.h"
 #include "mpc/core/rigid.h"
+#include "mpc/core/units.h"
 #include "mpc/skeleton/kinematics.h"
 
 namespace mpc {
 namespace {
 
 using enum JointId;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // The 16 joints in the skeleton; throws when one is missing.
 JointMap SkeletonJoints(const Skeleton& skeleton) {

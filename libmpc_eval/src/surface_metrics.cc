@@ -3,12 +3,11 @@
 #include <fmt/format.h>
 
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 #include "mpc/eval/closest_point.h"
 
 namespace mpc {
 namespace {
-
-constexpr double kMmPerMetre = 1e3;
 
 void RequireSameVertices(const Eigen::Matrix3Xf& a, const Eigen::Matrix3Xf& b) {
   if (a.cols() != b.cols() || a.cols() == 0) {

@@ -62,7 +62,7 @@ struct Limb {
   std::array<JointId, 3> moving;
   int num_moving;
 };
-constexpr std::array<Limb, 4> kLimbs = {{
+constexpr std::array<Limb, 4> kReversibleLimbs = {{
     {kLeftShoulder, {kLeftElbow, kLeftWrist, kLeftWrist}, 2},
     {kRightShoulder, {kRightElbow, kRightWrist, kRightWrist}, 2},
     {kLeftHip, {kLeftKnee, kLeftAnkle, kLeftToe}, 3},
@@ -82,7 +82,7 @@ std::vector<int> ReversedLimbs(const DetectionNoise& noise, double fps, int num_
   double frame = -random->Uniform(0, 1) * pause_per_episode * duration();
   while (frame < num_frames) {
     frame += pause_per_episode * duration();
-    const int which = static_cast<int>(random->Uniform(0, kLimbs.size()));
+    const int which = static_cast<int>(random->Uniform(0, kReversibleLimbs.size()));
     const double end = frame + duration();
     for (; frame < std::min<double>(end, num_frames); ++frame) {
       if (frame >= 0) limb[static_cast<size_t>(frame)] = which;
@@ -218,7 +218,7 @@ SyntheticDetections SynthesizeDetections(const Skeleton& skeleton,
     const Eigen::Matrix3d camera_from_ray = CameraFromRay(root);
     frame3d.positions = camera_from_ray.transpose() * (truth.colwise() - root);
     frame3d.confidence = Eigen::VectorXd::Zero(kNumJoints);
-    if (reversed[f] >= 0) ReverseDepth(kLimbs[reversed[f]], &frame3d.positions);
+    if (reversed[f] >= 0) ReverseDepth(kReversibleLimbs[reversed[f]], &frame3d.positions);
 
     for (int j = 0; j < kNumJoints; ++j) {
       // Every number is drawn whether it is used or not, so that one kind of noise does not

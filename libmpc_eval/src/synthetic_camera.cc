@@ -9,17 +9,18 @@
 #include <string>
 
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
 
 using Eigen::Vector3d;
 
-constexpr double kPitchRad = 10 * std::numbers::pi / 180;
-constexpr double kMargin = 0.45;      // half of the part of the picture that the actor may fill
+constexpr double kPitchRad = 10 * kDegree;
+constexpr double kFreeMargin = 0.45;  // half of the part of the picture that the actor may fill
 constexpr double kFollowS = 0.8;      // how slowly a camera follows: half width of the mean
 constexpr int kPointsPerFrame = 200;  // of the actor's vertices, to see whether it fits
-constexpr double kShakeRad = 0.4 * std::numbers::pi / 180;  // root mean square per axis
+constexpr double kShakeRad = 0.4 * kDegree;  // root mean square per axis
 constexpr double kShakeM = 0.015;
 
 // A smooth, band-limited function of time: 0.2 to 2.5 Hz, slow parts larger, root mean square 1.
@@ -98,8 +99,8 @@ bool Fits(const Camera& camera, const CameraFromWorld& pose, const Eigen::Matrix
   for (const auto& x : points.colwise()) {
     Eigen::Vector2d pixel;
     if (!Project(camera, pose * x.cast<double>(), &pixel)) return false;
-    if (std::abs((pixel.x() + 0.5) / camera.width - 0.5) > kMargin) return false;
-    if (std::abs((pixel.y() + 0.5) / camera.height - 0.5) > kMargin) return false;
+    if (std::abs((pixel.x() + 0.5) / camera.width - 0.5) > kFreeMargin) return false;
+    if (std::abs((pixel.y() + 0.5) / camera.height - 0.5) > kFreeMargin) return false;
   }
   return true;
 }
@@ -176,7 +177,6 @@ void SyntheticCameraOptions::Validate() const {
     faults += fmt::format("{}{} is {}, expected {} to {}", faults.empty() ? "" : "; ", name, value,
                           least, most);
   };
-  constexpr double kDegree = std::numbers::pi / 180;
   check("width", width, 16, 4096);
   check("height", height, 16, 4096);
   check("fov_rad", fov_rad, 9.999 * kDegree, 120.001 * kDegree);

@@ -11,7 +11,7 @@
 namespace mpc {
 namespace {
 
-constexpr int kMargin = 3;  // texels around a chart that are its own
+constexpr int kChartMargin = 3;  // texels around a chart that are its own
 
 // Triangles across the three edges, -1 at a border.
 std::vector<std::array<int, 3>> Neighbours(const Triangles& triangles) {
@@ -115,13 +115,13 @@ struct ChartBox {
   Eigen::Vector2f high = Eigen::Vector2f::Constant(-1e9F);
   float scale = 1;
   Eigen::Vector2i texels(float density) const {
-    return ((high - low) * scale * density).array().ceil().cast<int>() + 2 * kMargin + 1;
+    return ((high - low) * scale * density).array().ceil().cast<int>() + 2 * kChartMargin + 1;
   }
 };
 
 // Rows of charts, tallest first; false when they do not fit.
-bool Place(const std::vector<ChartBox>& boxes, float density, int size,
-           std::vector<Eigen::Vector2i>* corners) {
+bool PlaceCharts(const std::vector<ChartBox>& boxes, float density, int size,
+                 std::vector<Eigen::Vector2i>* corners) {
   std::vector<int> order(boxes.size());
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
@@ -180,9 +180,9 @@ TextureAtlas PackAtlas(const FlatTriangles& flat, const Triangles& triangles, in
   std::vector<Eigen::Vector2i> corners;
   for (int i = 0; i < 24; ++i) {
     const float density = 0.5F * (fits + too_dense);
-    (Place(boxes, density, size, &corners) ? fits : too_dense) = density;
+    (PlaceCharts(boxes, density, size, &corners) ? fits : too_dense) = density;
   }
-  Place(boxes, fits, size, &corners);
+  PlaceCharts(boxes, fits, size, &corners);
 
   TextureAtlas atlas;
   atlas.size = size;
@@ -194,7 +194,8 @@ TextureAtlas PackAtlas(const FlatTriangles& flat, const Triangles& triangles, in
   std::map<std::tuple<int, float, float>, int> copies;
   for (int t = 0; t < triangles.cols(); ++t) {
     const ChartBox& box = boxes[flat.chart[t]];
-    const Eigen::Vector2f corner = corners[flat.chart[t]].cast<float>().array() + kMargin + 0.5F;
+    const Eigen::Vector2f corner =
+        corners[flat.chart[t]].cast<float>().array() + kChartMargin + 0.5F;
     for (int i = 0; i < 3; ++i) {
       const int v = triangles(i, t);
       const Eigen::Vector2f place =
@@ -238,9 +239,9 @@ cv::Mat PaintAtlas(
     const float area = e1.x() * e2.y() - e1.y() * e2.x();
     if (std::abs(area) < 1e-6F) continue;
     const Eigen::Vector2i low =
-        (p.rowwise().minCoeff().array() - kMargin).floor().cast<int>().cwiseMax(0);
+        (p.rowwise().minCoeff().array() - kChartMargin).floor().cast<int>().cwiseMax(0);
     const Eigen::Vector2i high =
-        (p.rowwise().maxCoeff().array() + kMargin).ceil().cast<int>().cwiseMin(atlas.size - 1);
+        (p.rowwise().maxCoeff().array() + kChartMargin).ceil().cast<int>().cwiseMin(atlas.size - 1);
     const float longest = std::max({e1.norm(), e2.norm(), (e2 - e1).norm()});
     for (int y = low.y(); y <= high.y(); ++y) {
       for (int x = low.x(); x <= high.x(); ++x) {
@@ -251,7 +252,7 @@ cv::Mat PaintAtlas(
         // Height over an edge is about its barycentric times the triangle's height.
         const float outside = std::max(0.0F, -b.minCoeff()) * std::abs(area) / longest;
         const size_t i = static_cast<size_t>(y) * atlas.size + x;
-        if (outside > kMargin || outside >= reach[i]) continue;
+        if (outside > kChartMargin || outside >= reach[i]) continue;
         reach[i] = outside;
         triangle[i] = t;
         place[i] = b.cwiseMax(0);

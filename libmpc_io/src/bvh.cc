@@ -7,21 +7,19 @@
 #include <cmath>
 #include <numbers>
 
+#include "bvh_channels.h"
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/skeleton/kinematics.h"
 
 namespace mpc {
 namespace {
 
-constexpr double kRadPerDegree = std::numbers::pi / 180;
-
 constexpr std::array<BvhChannel, 3> kPositions = {BvhChannel::kXPosition, BvhChannel::kYPosition,
                                                   BvhChannel::kZPosition};
 constexpr std::array<BvhChannel, 3> kRotations = {BvhChannel::kZRotation, BvhChannel::kXRotation,
                                                   BvhChannel::kYRotation};
-constexpr std::array<const char*, 6> kChannelNames = {"Xposition", "Yposition", "Zposition",
-                                                      "Xrotation", "Yrotation", "Zrotation"};
 
 // Angles (rad) with R = Rz(a) Rx(b) Ry(c), of the two solutions, each up to full turns, the one
 // nearest to `previous`.
@@ -131,8 +129,9 @@ std::vector<Eigen::Isometry3d> BvhJointTransforms(const BvhMotion& motion, int f
       if (channel <= BvhChannel::kZPosition) {
         position[axis] = value;
       } else {
-        rotation = rotation * Eigen::AngleAxisd(value * kRadPerDegree, Eigen::Vector3d::Unit(axis))
-                                  .toRotationMatrix();
+        rotation =
+            rotation *
+            Eigen::AngleAxisd(value * kDegree, Eigen::Vector3d::Unit(axis)).toRotationMatrix();
       }
     }
     Eigen::Isometry3d parent_from_joint = Eigen::Isometry3d::Identity();
@@ -288,7 +287,7 @@ BvhMotion BvhFromPoses(const Skeleton& skeleton, const Eigen::MatrixXd& poses, d
         rotation = zero.rotations[parent] * state.rotations[parent].transpose() * rotation;
       }
       angles.col(s) = ContinuousZxy(rotation, angles.col(s));
-      motion.values.col(f).segment<3>(row) = angles.col(s) / kRadPerDegree;
+      motion.values.col(f).segment<3>(row) = angles.col(s) / kDegree;
       row += 3;
     }
   }

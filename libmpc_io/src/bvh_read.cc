@@ -5,6 +5,7 @@
 #include <numbers>
 #include <string_view>
 
+#include "bvh_channels.h"
 #include "mpc/core/error.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
@@ -13,8 +14,6 @@ namespace mpc {
 namespace {
 
 constexpr size_t kMaxJoints = 10000;
-constexpr std::array<std::string_view, 6> kChannelNames = {"Xposition", "Yposition", "Zposition",
-                                                           "Xrotation", "Yrotation", "Zrotation"};
 
 bool EqualIgnoringCase(std::string_view a, std::string_view b) {
   return std::equal(a.begin(), a.end(), b.begin(), b.end(),

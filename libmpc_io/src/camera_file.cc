@@ -85,7 +85,7 @@ nlohmann::ordered_json internal::CameraToJson(const Camera& camera) {
 
 namespace {
 
-constexpr size_t kMaxJsonBytes = size_t{64} << 20;
+constexpr size_t kMaxCameraBytes = size_t{64} << 20;
 
 std::string NameList(const std::vector<Camera>& cameras) {
   std::string list;
@@ -123,7 +123,7 @@ size_t FindCamera(const CameraSpec& spec, const std::vector<Camera>& cameras) {
 
 std::vector<Camera> ReadCameras(const std::filesystem::path& path) {
   const nlohmann::ordered_json json =
-      internal::ParseJson(ReadFile(path, kMaxJsonBytes), path.string());
+      internal::ParseJson(ReadFile(path, kMaxCameraBytes), path.string());
   const JsonPlace list = JsonPlace(json, path.string())["cameras"];
   std::vector<Camera> cameras;
   for (size_t i = 0; i < list.Size(); ++i) {
@@ -149,7 +149,7 @@ std::vector<CameraFromWorld> ReadCameraMotion(const std::string& spec) {
   const CameraSpec parts = SplitSpec(spec);
   const size_t index = FindCamera(parts, ReadCameras(parts.file));
   const nlohmann::ordered_json json =
-      internal::ParseJson(ReadFile(parts.file, kMaxJsonBytes), parts.file);
+      internal::ParseJson(ReadFile(parts.file, kMaxCameraBytes), parts.file);
   const JsonPlace place = JsonPlace(json, parts.file)["cameras"][index];
   std::vector<CameraFromWorld> motion;
   if (!place.Has("frames")) return motion;

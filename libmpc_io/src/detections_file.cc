@@ -19,8 +19,8 @@ namespace {
 using internal::JsonPlace;
 using internal::OpenPoseJoint;
 
-constexpr const char* kFormatName = "mpc-detections";
-constexpr int kFormatVersion = 1;
+constexpr const char* kDetectionsFormat = "mpc-detections";
+constexpr int kDetectionsVersion = 1;
 
 enum class FileKind { kOpenPose, kBlazePose, kOwn };
 
@@ -171,13 +171,13 @@ void ReadBlazePose(const JsonPlace& root, const char* field, const Add& add) {
 template <int D, typename Detections, typename Add>
 void ReadOwn(const JsonPlace& root, const std::filesystem::path& path, Detections* detections,
              const Add& add) {
-  if (!root.Has("format") || root["format"].String() != kFormatName) {
-    root.Fail(fmt::format("has no format \"{}\"", kFormatName));
+  if (!root.Has("format") || root["format"].String() != kDetectionsFormat) {
+    root.Fail(fmt::format("has no format \"{}\"", kDetectionsFormat));
   }
-  if (root["version"].Int() != kFormatVersion) {
+  if (root["version"].Int() != kDetectionsVersion) {
     throw Error(ErrorCode::kUnsupported,
                 fmt::format("{}: version {} of {}, only {} is supported", path.string(),
-                            root["version"].Int(), kFormatName, kFormatVersion));
+                            root["version"].Int(), kDetectionsFormat, kDetectionsVersion));
   }
   if (root["dimensions"].Int() != D) {
     ThrowNot(path, D == 2 ? "2D detections (its dimensions are 3)"
@@ -213,7 +213,7 @@ void ReadOwn(const JsonPlace& root, const std::filesystem::path& path, Detection
 template <typename Detections>
 std::string OwnHeader(const Detections& detections, int dimensions) {
   std::string text = fmt::format("{{\n\"format\": \"{}\",\n\"version\": {},\n\"dimensions\": {},\n",
-                                 kFormatName, kFormatVersion, dimensions);
+                                 kDetectionsFormat, kDetectionsVersion, dimensions);
   text += "\"joints\": [";
   for (size_t j = 0; j < detections.joints.size(); ++j) {
     text += fmt::format("{}\"{}\"", j ? ", " : "", JointName(detections.joints[j]));

@@ -19,7 +19,7 @@ namespace {
 
 using internal::JsonPlace;
 
-constexpr size_t kMaxJsonBytes = size_t{512} << 20;
+constexpr size_t kMaxTruthBytes = size_t{512} << 20;
 
 // Which column of the file holds which joint; a second column of the same joint is left out.
 struct Columns {
@@ -93,7 +93,7 @@ JointTrack FromJson(const std::string& text, const std::string& source) {
 }  // namespace
 
 JointTrack ReadJointTrack(const std::filesystem::path& path) {
-  const std::string text = ReadFile(path, kMaxJsonBytes);
+  const std::string text = ReadFile(path, kMaxTruthBytes);
   const size_t first = text.find_first_not_of(" \t\r\n");
   const bool is_json = first != std::string::npos && text[first] == '{';
   return is_json ? FromJson(text, path.string()) : FromTrc(path);

@@ -21,14 +21,14 @@ constexpr std::array<char, 12> kMagic = {'P', 'O', 'I', 'N', 'T', 'C',
                                          'A', 'C', 'H', 'E', '2', '\0'};
 constexpr std::uint64_t kHeaderBytes = 32;
 
-struct Header {
+struct Pc2Header {
   std::int32_t version = 1;
   std::int32_t num_vertices = 0;
   float first_frame = 0;
   float frames_per_sample = 1;
   std::int32_t num_frames = 0;
 };
-static_assert(sizeof(Header) + kMagic.size() == kHeaderBytes);
+static_assert(sizeof(Pc2Header) + kMagic.size() == kHeaderBytes);
 
 std::uint64_t FrameBytes(int num_vertices) {
   return 3 * sizeof(float) * static_cast<std::uint64_t>(num_vertices);
@@ -54,7 +54,7 @@ struct Pc2Writer::Impl {
   std::filesystem::path path;
   AtomicFile file;
   std::ofstream stream;
-  Header header;
+  Pc2Header header;
 };
 
 Pc2Writer::Pc2Writer(const std::filesystem::path& path, int num_vertices)
@@ -74,7 +74,7 @@ Pc2Writer::Pc2Writer(Pc2Writer&&) noexcept = default;
 Pc2Writer& Pc2Writer::operator=(Pc2Writer&&) noexcept = default;
 
 void Pc2Writer::Write(const Eigen::Matrix3Xf& positions) {
-  Header& header = impl_->header;
+  Pc2Header& header = impl_->header;
   if (positions.cols() != header.num_vertices) {
     throw Error(ErrorCode::kMismatch,
                 fmt::format("{}: frame {} has {} vertices, expected {}", impl_->path.string(),
@@ -101,7 +101,7 @@ void Pc2Writer::Close() {
 struct Pc2Reader::Impl {
   std::filesystem::path path;
   std::ifstream stream;
-  Header header;
+  Pc2Header header;
 };
 
 Pc2Reader::Pc2Reader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>()) {
@@ -116,7 +116,7 @@ Pc2Reader::Pc2Reader(const std::filesystem::path& path) : impl_(std::make_unique
     throw Error(ErrorCode::kBadFile, fmt::format("{}: {}", path.string(), fault));
   };
   std::array<char, kMagic.size()> magic{};
-  Header& header = impl_->header;
+  Pc2Header& header = impl_->header;
   impl_->stream.read(magic.data(), magic.size());
   impl_->stream.read(reinterpret_cast<char*>(&header), sizeof(header));
   if (!impl_->stream || magic != kMagic) fail("is no PC2 point cache");

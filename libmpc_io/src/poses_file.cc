@@ -12,8 +12,8 @@ namespace {
 using internal::JsonPlace;
 using Json = nlohmann::ordered_json;
 
-constexpr const char* kFormatName = "mpc-poses";
-constexpr int kFormatVersion = 1;
+constexpr const char* kPosesFormat = "mpc-poses";
+constexpr int kPosesVersion = 1;
 constexpr int kMaxDofs = 10000;
 
 Proportions ParseProportions(const JsonPlace& place) {
@@ -52,13 +52,13 @@ Eigen::MatrixXd ParsePoses(const JsonPlace& frames, size_t num_dofs) {
 CapturedPoses ReadPoses(const std::filesystem::path& path) {
   const Json json = internal::ParseJson(ReadFile(path), path.string());
   const JsonPlace root(json, path.string());
-  if (!root.Has("format") || root["format"].String() != kFormatName) {
-    root.Fail(fmt::format("has no format \"{}\"", kFormatName));
+  if (!root.Has("format") || root["format"].String() != kPosesFormat) {
+    root.Fail(fmt::format("has no format \"{}\"", kPosesFormat));
   }
-  if (root["version"].Int() != kFormatVersion) {
+  if (root["version"].Int() != kPosesVersion) {
     throw Error(ErrorCode::kUnsupported,
                 fmt::format("{}: version {} of {}, only {} is supported", path.string(),
-                            root["version"].Int(), kFormatName, kFormatVersion));
+                            root["version"].Int(), kPosesFormat, kPosesVersion));
   }
   CapturedPoses captured;
   captured.video = root["video"].String();
@@ -85,8 +85,8 @@ void WritePoses(const std::filesystem::path& path, const CapturedPoses& captured
                 fmt::format("{}: poses of {} numbers for {} dofs, or not finite", path.string(),
                             captured.poses.rows(), captured.dofs.size()));
   }
-  const Json header = {{"format", kFormatName},
-                       {"version", kFormatVersion},
+  const Json header = {{"format", kPosesFormat},
+                       {"version", kPosesVersion},
                        {"video", captured.video.string()},
                        {"image_fps", captured.image_fps},
                        {"actor", captured.actor.string()},

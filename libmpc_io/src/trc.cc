@@ -79,14 +79,14 @@ double MetresPerUnit(const Lines& lines, std::string_view unit) {
   lines.Fail(fmt::format("unit \"{}\", expected m, cm or mm", unit));
 }
 
-struct Header {
+struct TrcHeader {
   double fps = 0;
   double num_frames = 0;
   double num_markers = 0;
   double metres_per_unit = 1;
 };
 
-Header ReadHeader(Lines& lines) {
+TrcHeader ReadHeader(Lines& lines) {
   if (lines.Required("PathFileType").substr(0, 12) != "PathFileType") {
     lines.Fail("found no PathFileType: this is not a TRC file");
   }
@@ -98,7 +98,7 @@ Header ReadHeader(Lines& lines) {
     }
     lines.Fail(fmt::format("the header has no {}", key));
   };
-  Header header;
+  TrcHeader header;
   header.fps = ParseNumber(lines, value("DataRate"), "a data rate");
   header.num_frames = ParseNumber(lines, value("NumFrames"), "a number of frames");
   header.num_markers = ParseNumber(lines, value("NumMarkers"), "a number of markers");
@@ -111,7 +111,7 @@ Header ReadHeader(Lines& lines) {
 
 MarkerTrajectories ReadTrc(const std::filesystem::path& path) {
   Lines lines(ReadFile(path), path.string());
-  const Header header = ReadHeader(lines);
+  const TrcHeader header = ReadHeader(lines);
   MarkerTrajectories trajectories;
   trajectories.fps = header.fps;
   const std::vector<std::string_view> columns = SplitAtTabs(lines.Required("the markers' names"));

@@ -18,8 +18,8 @@ using internal::JsonPlace;
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kFileName = "truth.json";
-constexpr const char* kFormatName = "mpc-truth";
-constexpr int kFormatVersion = 1;
+constexpr const char* kTruthFormat = "mpc-truth";
+constexpr int kTruthVersion = 1;
 
 constexpr std::array kTexts = {
     std::pair{"motion", &TruthClip::motion}, std::pair{"outfit", &TruthClip::outfit},
@@ -46,13 +46,13 @@ TruthClip ReadTruthClip(const fs::path& path) {
   const fs::path file = fs::is_directory(path, ec) ? path / kFileName : path;
   const Json json = internal::ParseJson(ReadFile(file), file.string());
   const JsonPlace root(json, file.string());
-  if (!root.Has("format") || root["format"].String() != kFormatName) {
-    root.Fail(fmt::format("has no format \"{}\"", kFormatName));
+  if (!root.Has("format") || root["format"].String() != kTruthFormat) {
+    root.Fail(fmt::format("has no format \"{}\"", kTruthFormat));
   }
-  if (root["version"].Int() != kFormatVersion) {
+  if (root["version"].Int() != kTruthVersion) {
     throw Error(ErrorCode::kUnsupported,
                 fmt::format("{}: version {} of {}, only {} is supported", file.string(),
-                            root["version"].Int(), kFormatName, kFormatVersion));
+                            root["version"].Int(), kTruthFormat, kTruthVersion));
   }
   TruthClip clip;
   clip.fps = root["fps"].Number();
@@ -78,8 +78,8 @@ TruthClip ReadTruthClip(const fs::path& path) {
 }
 
 void WriteTruthClip(const fs::path& folder, const TruthClip& clip) {
-  Json json = {{"format", kFormatName},     {"version", kFormatVersion}, {"fps", clip.fps},
-               {"frames", clip.num_frames}, {"width", clip.width},       {"height", clip.height},
+  Json json = {{"format", kTruthFormat},    {"version", kTruthVersion}, {"fps", clip.fps},
+               {"frames", clip.num_frames}, {"width", clip.width},      {"height", clip.height},
                {"floor", clip.has_floor},   {"seed", clip.seed}};
   for (const auto& [name, member] : kTexts) json[name] = clip.*member;
   for (const auto& [name, member] : kFiles) {

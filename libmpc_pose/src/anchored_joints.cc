@@ -3,8 +3,8 @@
 namespace mpc {
 namespace {
 
-constexpr int kRounds = 4;
-constexpr double kOutlierFactor = 3;
+constexpr int kReweightings = 4;
+constexpr double kFarFactor = 3;
 constexpr double kMaxScale = 2;  // beyond it, or its inverse, the detection keeps its own size
 
 }  // namespace
@@ -22,7 +22,7 @@ std::vector<BoneObservation> AnchorJoints(const FrameObservation& observation,
     detected.col(i) = observation.position_3d[i];
   }
   Eigen::VectorXd trust = Eigen::VectorXd::Ones(size);
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kReweightings; ++round) {
     const Eigen::VectorXd share = trust / trust.sum();
     const Eigen::Vector3d posed_mean = posed * share;
     const Eigen::Vector3d detected_mean = detected * share;
@@ -34,7 +34,7 @@ std::vector<BoneObservation> AnchorJoints(const FrameObservation& observation,
     const double scale = aa < kMaxScale * ab && ab < kMaxScale * aa ? aa / ab : 1;
     placed = (scale * b).colwise() + posed_mean;
     const Eigen::ArrayXd relative2 = (posed - placed).colwise().squaredNorm().transpose().array() /
-                                     (kOutlierFactor * kOutlierFactor * typical_m * typical_m);
+                                     (kFarFactor * kFarFactor * typical_m * typical_m);
     trust = (1 + relative2).square().inverse();
   }
   std::vector<BoneObservation> vectors;

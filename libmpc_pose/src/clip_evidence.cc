@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "anchored_joints.h"
+#include "mpc/core/units.h"
 #include "mpc/pose/detection_repair.h"
 #include "translation_fit.h"
 
@@ -18,7 +19,6 @@ namespace {
 
 using enum JointId;
 
-constexpr double kDegree = std::numbers::pi / 180;
 // From the median length of the error to its root mean square.
 constexpr double kErrorSpread = 1.3;
 constexpr double kMinError2dMm = 7;

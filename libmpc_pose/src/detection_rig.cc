@@ -13,7 +13,7 @@
 namespace mpc {
 namespace {
 
-constexpr size_t kMinPoints = 4;
+constexpr size_t kMinShapePoints = 4;
 constexpr double kStartDistance = 3;  // m; E_3d does not see it
 
 // Upright (the camera's y points down), facing four ways.
@@ -55,7 +55,7 @@ std::optional<Eigen::VectorXd> FitShape(const ClipEvidence& evidence,
 // Moves the root to where the pose projects onto the 2D detections, if there are enough.
 void FitPlace(const ClipEvidence& evidence, const FrameObservation& observation,
               Eigen::VectorXd* pose) {
-  if (observation.points.size() < kMinPoints) return;
+  if (observation.points.size() < kMinShapePoints) return;
   Eigen::VectorXd at_origin = *pose;
   at_origin.head<3>().setZero();
   KinematicState state;
@@ -82,7 +82,7 @@ Eigen::MatrixXd RigDetections(const ClipEvidence& evidence) {
     Eigen::VectorXd pose = shape ? *shape : Eigen::VectorXd(f > 0 ? poses.col(f - 1) : starts[0]);
     if (f > 0) pose.head<3>() = poses.col(f - 1).head<3>();
     FitPlace(evidence, observation, &pose);
-    if (shape && observation.points.size() >= kMinPoints) {
+    if (shape && observation.points.size() >= kMinShapePoints) {
       // Only now the ray through the hips is known, along which the 3D detection may be turned.
       const Eigen::Vector3d hips = pose.head<3>();
       const FrameObservation turned = evidence.Observe(f, SideSwap::kNone, &hips);

@@ -189,14 +189,15 @@ double TransitionCost(const Candidate& a, const Candidate& b, double seconds) {
 }
 
 // A frame whose candidates are known, and for how many frames it stands.
-struct Sample {
+struct PathFrame {
   int frame = 0;
   double weight = 1;
 };
 
 // Index of the chosen candidate of each sample.
-std::vector<int> BestPath(const std::vector<Sample>& samples, const std::vector<Candidates>& frames,
-                          double fps, double evidence_weight) {
+std::vector<int> BestPath(const std::vector<PathFrame>& samples,
+                          const std::vector<Candidates>& frames, double fps,
+                          double evidence_weight) {
   std::vector<std::array<double, kNumCandidates>> cost(samples.size());
   std::vector<std::array<int, kNumCandidates>> from(samples.size());
   for (size_t i = 0; i < samples.size(); ++i) {
@@ -269,7 +270,7 @@ class RunSearch {
   // The choice per limb and frame; 0 in frames that are not wanted.
   Eigen::ArrayXXi Choose(const std::vector<bool>& wanted) {
     const int num_frames = end_ - begin_;
-    std::vector<Sample> samples;
+    std::vector<PathFrame> samples;
     for (int i = 0; i < num_frames; ++i) {
       if (wanted[i]) samples.push_back({i, 1});
     }

@@ -88,8 +88,6 @@ class Links {
   std::array<ExpTable, 2> motion_;
 };
 
-bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
-
 // The first unknown pixel of a row at or after x, or `width`.
 int NextUnknown(const uint8_t* trimap, int x, int width) {
   constexpr uint64_t kUnknownBits = 0x0202020202020202;  // set in the labels of unknown pixels only

@@ -34,8 +34,6 @@ constexpr double kMinModelIou = 0.25;     // a cut that agrees less with the mod
 constexpr double kMinIsland = 0.01;       // of the model's area
 constexpr double kMaxHole = 0.0025;
 
-bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
-
 // 255 where at least half of the pixels under a pixel of the smaller mask are set.
 cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
   cv::Mat full = mask != 0;

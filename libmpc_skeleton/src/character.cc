@@ -11,6 +11,7 @@
 
 #include "mpc/core/error.h"
 #include "mpc/core/rigid.h"
+#include "mpc/core/units.h"
 #include "segment_landmarks.h"
 
 namespace mpc {
@@ -20,7 +21,6 @@ using Eigen::AngleAxisd;
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kUprightTolerance = 20 * kDegree;  // a trunk this close to y counts as upright
 constexpr double kClearBend = 10 * kDegree;         // a bend that shows where its hinge axis lies
 constexpr double kMinRelativeLength = 0.01;         // shortest limb, as a fraction of the leg

@@ -9,13 +9,12 @@
 #include <numbers>
 
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // Ranges of motion in degrees. Sources:
 //   [AAOS]  American Academy of Orthopaedic Surgeons, "Joint Motion: Method of Measuring and

@@ -8,6 +8,7 @@
 
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
+#include "mpc/core/units.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skinning.h"
 
@@ -17,7 +18,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kMaxTilt = 70 * kDegree;    // of an upright person from the picture's up
 constexpr double kMaxSpread = 30 * kDegree;  // of upright frames from their median
 constexpr double kSnapAngle = 25 * kDegree;  // up to a world axis

@@ -19,7 +19,7 @@
 namespace mpc {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using Document = nlohmann::ordered_json;
 using testing::GltfProbe;
 using testing::TempDir;
 using testing::TestGltf;
@@ -115,10 +115,10 @@ TEST_F(GltfSurfaceTest, OnlyVerticesThatSkinningMissesTakeSpace) {
   EXPECT_LT(Write(source, rig, surface).max_m, kExact);
   const GltfProbe probe(dir_ / "out.glb");
   EXPECT_LT(WorstShown(probe, rig, surface[4], 4), kExact);
-  const Json& targets = probe.json["meshes"][0]["primitives"][0]["targets"];
+  const Document& targets = probe.json["meshes"][0]["primitives"][0]["targets"];
   ASSERT_EQ(targets.size(), 20u);
   for (size_t t = 0; t < 20; ++t) {
-    const Json& accessor = probe.json["accessors"][targets[t]["POSITION"].get<int>()];
+    const Document& accessor = probe.json["accessors"][targets[t]["POSITION"].get<int>()];
     EXPECT_FALSE(accessor.contains("bufferView"));
     EXPECT_EQ(accessor.contains("sparse") ? accessor["sparse"]["count"].get<int>() : 0,
               t == 4 ? 2 : 0);
@@ -155,11 +155,11 @@ TEST_F(GltfSurfaceTest, FewerTargetsAreExactAtTheirFramesAndTheErrorBetweenIsSta
 
 TEST_F(GltfSurfaceTest, SeveralPrimitivesLinesAndTargetsOfTheSourceStay) {
   TestGltf file(testing::MakeTestRig(), {});
-  Json& mesh = file.json["meshes"][0];
-  const Json position = mesh["primitives"][0]["attributes"]["POSITION"];
+  Document& mesh = file.json["meshes"][0];
+  const Document position = mesh["primitives"][0]["attributes"]["POSITION"];
   mesh["primitives"][0]["targets"] = {{{"POSITION", position}}};  // a shape that must stay away
-  mesh["primitives"].push_back(Json(mesh["primitives"][0]));      // the same vertices again
-  mesh["primitives"].push_back(Json(mesh["primitives"][0]));
+  mesh["primitives"].push_back(Document(mesh["primitives"][0]));  // the same vertices again
+  mesh["primitives"].push_back(Document(mesh["primitives"][0]));
   mesh["primitives"][2]["mode"] = 1;  // lines: no part of the rig
   mesh["weights"] = {0.0};
   mesh["extras"]["targetNames"] = {"smile"};
@@ -174,7 +174,7 @@ TEST_F(GltfSurfaceTest, SeveralPrimitivesLinesAndTargetsOfTheSourceStay) {
   for (int f = 0; f < 3; ++f) {
     EXPECT_LT(WorstShown(probe, rig, surface[static_cast<size_t>(f)], f), kExact);
   }
-  const Json& written = probe.json["meshes"][0];
+  const Document& written = probe.json["meshes"][0];
   for (int p = 0; p < 3; ++p) EXPECT_EQ(written["primitives"][p]["targets"].size(), 4u);
   EXPECT_TRUE(probe.Values(written["primitives"][2]["targets"][2]["POSITION"]).isZero());
   EXPECT_EQ(written["weights"].size(), 4u);
@@ -203,7 +203,7 @@ TEST_F(GltfSurfaceTest, CollapsedSkinningIsStated) {
   const double worst = WorstShown(probe, rig, surface[1], 1);
   EXPECT_NEAR(error.max_m, worst, kExact);
   EXPECT_LT(worst, 0.06);  // no farther than without offsets
-  const Json& targets = probe.json["meshes"][0]["primitives"][0]["targets"];
+  const Document& targets = probe.json["meshes"][0]["primitives"][0]["targets"];
   EXPECT_LT(probe.Values(targets[1]["POSITION"]).cwiseAbs().maxCoeff(), 3);
 }
 
@@ -229,9 +229,9 @@ TEST_F(GltfSurfaceTest, RefusesWhatDoesNotFit) {
   EXPECT_FALSE(std::filesystem::exists(dir_ / "bad.glb"));
 
   // One mesh with two skins would need two surfaces.
-  Json& json = file.json;
-  json["skins"].push_back(Json(json["skins"][0]));
-  for (const Json& node : Json(json["nodes"])) {
+  Document& json = file.json;
+  json["skins"].push_back(Document(json["skins"][0]));
+  for (const Document& node : Document(json["nodes"])) {
     if (!node.contains("mesh")) continue;
     json["nodes"].push_back(node);
     json["nodes"].back()["skin"] = 1;

@@ -18,6 +18,8 @@ enum TrimapLabel : uint8_t {
   kTrimapUnknownForeground = 3,  // T_uf
 };
 
+inline bool IsUnknown(uint8_t label) { return label >= kTrimapUnknownBackground; }
+
 struct TrimapRadii {
   double erode_px = 0;  // radius of the disc, >= 0
   double dilate_px = 0;

@@ -21,6 +21,8 @@ using enum JointId;
 
 // From the median length of the error to its root mean square.
 constexpr double kErrorSpread = 1.3;
+static const double kErrorStandingMm = getenv("SE")?atof(getenv("SE")):30;   // how still a standing foot stands along the ray
+static const double kRobustStandingMm = getenv("SR")?atof(getenv("SR")):100;
 constexpr double kMinError2dMm = 7;
 // Part of the errors is followed by the solution that they are measured from.
 constexpr double kFollowed = 1.35;
@@ -569,6 +571,10 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     problem.joint_positions =
         JointPositionEnergy(chained.joints, chained.positions, options_.weight_3d * mean);
   }
+  std::vector<StandingJoint> standing = observation.standing;
+  const double gain_standing = kError2dMm / kErrorStandingMm;
+  for (StandingJoint& joint : standing) joint.weight *= mean * gain_standing * gain_standing;
+  problem.standing = StandingEnergy(std::move(standing), loss_width * kRobustStandingMm);
   if (options_.weight_rest > 0) {
     problem.rest_prior = RestPriorEnergy(rest.tail(rest_weights_.size()), rest_weights_);
   }

@@ -11,7 +11,7 @@ namespace mpc {
 
 int FrameProblem::num_residuals() const {
   return reprojection.num_residuals() + joint_positions.num_residuals() +
-         bone_vectors.num_residuals() + rest_prior.num_residuals() + track_prior.num_residuals();
+         bone_vectors.num_residuals() + standing.num_residuals() + rest_prior.num_residuals() + track_prior.num_residuals();
 }
 
 FrameProblem FrameProblem::Restricted(const std::vector<int>& joint_index,
@@ -19,6 +19,7 @@ FrameProblem FrameProblem::Restricted(const std::vector<int>& joint_index,
   FrameProblem restricted;
   restricted.reprojection = reprojection.Restricted(joint_index);
   restricted.bone_vectors = bone_vectors.Restricted(joint_index);
+  restricted.standing = standing.Restricted(joint_index);
   restricted.rest_prior = rest_prior.Restricted(hinges);
   return restricted;
 }
@@ -67,6 +68,10 @@ void AddNormalEquations(const FrameProblem& problem, const PosePoint& at, FrameS
     AddRows<3>(*scratch, row, dofs, hessian, gradient);
     row += 3;
   }
+  for (const StandingJoint& joint : problem.standing.joints()) {
+    AddRows<1>(*scratch, row, at.joint_dofs[joint.joint], hessian, gradient);
+    ++row;
+  }
   // A prior's row is about one dof, or about the three of the root's rotation.
   const auto add_diagonal = [&](int first_dof, int count) {
     for (int i = 0; i < count; ++i, ++row) {
@@ -103,7 +108,7 @@ double EvaluateFrame(const FrameProblem& problem, const PosePoint& at, FrameScra
     return true;
   };
   if (!add(problem.reprojection) || !add(problem.joint_positions) || !add(problem.bone_vectors) ||
-      !add(problem.rest_prior) || !add(problem.track_prior)) {
+      !add(problem.standing) || !add(problem.rest_prior) || !add(problem.track_prior)) {
     return std::numeric_limits<double>::infinity();
   }
   if (hessian != nullptr) AddNormalEquations(problem, at, scratch, hessian, gradient);

@@ -9,6 +9,7 @@
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
 #include "mpc/pose/limb_search.h"
+#include "mpc/pose/standing_feet.h"
 #include "mpc/pose/windows.h"
 #include "window_problem.h"
 
@@ -169,10 +170,14 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
       evidence.MeasureError2d(initialization.observations, track.poses);
     }
     if (round > 0 && options.fit_proportions) {
+      for (FrameObservation& observation : initialization.observations) observation.standing.clear();
       const Stopwatch watch;
       calibration.Step(windows, track.poses, num_threads, &evidence, &initialization);
       track.seconds_calibration += watch.Seconds();
       if (progress && !progress({"proportions", round, num_rounds - 1})) track.cancelled = true;
+    }
+    if (round > 0 && options.hold_standing_feet) {
+      FindStandingFeet(evidence, track.poses, &initialization.observations);
     }
     if (round > 0 && options.test_depth_flips) ChooseLimbs(evidence, initialization, &track.poses);
     BatchSolveOptions rough_solver = options.batch_solver;

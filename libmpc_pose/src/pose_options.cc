@@ -24,6 +24,7 @@ PoseOptions PoseOptions::Paper() {
   options.robust_2d = 0;
   options.robust_3d = 0;
   options.test_depth_flips = false;
+  options.hold_standing_feet = false;
   options.weight_rest = 0;
   options.fit_proportions = false;
   return options;

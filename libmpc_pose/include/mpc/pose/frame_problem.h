@@ -11,6 +11,7 @@
 #include "mpc/pose/joint_position_energy.h"
 #include "mpc/pose/reprojection_energy.h"
 #include "mpc/pose/rest_prior_energy.h"
+#include "mpc/pose/standing_energy.h"
 #include "mpc/pose/track_prior_energy.h"
 
 namespace mpc {
@@ -19,6 +20,7 @@ struct FrameProblem {
   ReprojectionEnergy reprojection;
   JointPositionEnergy joint_positions;  // the paper's E_3d; empty in the default
   BoneVectorEnergy bone_vectors;        // ours; empty in the paper preset
+  StandingEnergy standing;        // ours
   RestPriorEnergy rest_prior;
   TrackPriorEnergy track_prior;  // empty but while frames are initialised one after the other
 

@@ -39,6 +39,7 @@ struct PoseOptions {
   double robust_3d = 90;           // of weighted bone residuals, mm, 0: plain squares
   double pck_threshold = 0.4;      // thres_pck of the paper: a frame's 3D is off above it
   bool test_depth_flips = true;    // ours: depth-mirrored limbs are tried over the clip
+  bool hold_standing_feet = true;  // ours: what stands in the picture stands along the ray too
   double weight_rest = 0.6;        // ours: rest prior, over a joint's usual spread; 0: paper
 
   bool fit_proportions = true;  // ours: body proportions estimated once per clip; false: paper

@@ -1,0 +1,22 @@
+// Purpose: find when a foot stands, and where.
+// Source: ours (docs/pose.md, "Standing feet").
+//
+// What stands still in the picture for a while stands still: a foot that moves straight along the ray is
+// rare, one camera's error of a foot's depth is not. Frames: camera. The camera should be at rest; to a
+// moving one little seems to stand, and then little is found. Symbols: N dofs, F frames.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "mpc/pose/clip_evidence.h"
+
+namespace mpc {
+
+// Sets FrameObservation::standing of the F observations to the ankles and toes that stand in `poses`
+// (N x F), each at the median of its ranges while it stands; joints that a frame does not see in 2D
+// do not count.
+void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
+                      std::vector<FrameObservation>* observations);
+
+}  // namespace mpc

@@ -40,6 +40,18 @@ class EnergiesTest : public ::testing::Test {
     return point;
   }
 
+  // Some joints standing, each a little off its place.
+  StandingEnergy Standing(const VectorXd& pose, double noise_m) {
+    std::normal_distribution<double> normal;
+    const PosePoint at = PointAt(pose);
+    std::vector<StandingJoint> joints;
+    for (const int j : {1, 4, 9}) {
+      const Eigen::Vector3d x = at.state.joints.col(j);
+      joints.push_back({j, x.normalized(), x.norm() + noise_m * normal(rng_), 0.3 + j});
+    }
+    return {joints, 90};
+  }
+
   template <typename Energy>
   VectorXd Residuals(const Energy& energy, const VectorXd& pose,
                      MatrixXd* jacobian = nullptr) const {
@@ -82,6 +94,7 @@ TEST_F(EnergiesTest, JacobiansAreTheDerivatives) {
       CheckDerivative(problem.bone_vectors, pose, 1e-6);
       CheckDerivative(problem.rest_prior, pose, 1e-6);
     }
+    CheckDerivative(Standing(pose, 0.1), pose, 1e-6);
   }
 }
 
@@ -125,6 +138,7 @@ TEST_F(EnergiesTest, NormalEquationsAreThoseOfAllRows) {
     const VectorXd pose = RandomPose();
     FrameProblem problem = Ingredients(pose, terms, 5).Problem(camera_);
     problem.track_prior = TrackPriorEnergy(RandomPose(), 3000, 200);
+    problem.standing = Standing(pose, 0.1);
     CheckDerivative(problem.track_prior, pose, 1e-6);
     FrameScratch scratch;
     MatrixXd hessian;
@@ -158,6 +172,21 @@ TEST_F(EnergiesTest, TwiceTheWeightIsTwiceTheCost) {
     expect_double(a.bone_vectors, b.bone_vectors);
     expect_double(a.rest_prior, b.rest_prior);
   }
+}
+
+TEST_F(EnergiesTest, AStandingJointIsHeldAlongItsRayOnly) {
+  const VectorXd pose = RandomPose();
+  const StandingEnergy energy = Standing(pose, 0);
+  EXPECT_LT(Residuals(energy, pose).norm(), 1e-9);
+  const StandingJoint& first = energy.joints()[0];
+  VectorXd moved = pose;
+  moved.head<3>() += 0.02 * first.ray.unitOrthogonal();
+  EXPECT_LT(std::abs(Residuals(energy, moved)[0]), 1e-9);
+  moved = pose;
+  moved.head<3>() += 1e-3 * first.ray;
+  EXPECT_NEAR(Residuals(energy, moved)[0], std::sqrt(first.weight), 1e-3);
+  moved.head<3>() += 1e3 * first.ray;
+  EXPECT_NEAR(Residuals(energy, moved)[0], 90 * std::sqrt(first.weight), 1e-3);
 }
 
 TEST_F(EnergiesTest, AJointBehindTheCameraIsRefused) {

@@ -1,0 +1,77 @@
+// Feet that stand: when they are found, where, and what holding them does to an estimate.
+#include "mpc/pose/standing_feet.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "pose/synthetic_clip.h"
+
+namespace mpc {
+namespace {
+
+using testing::MakeClip;
+using testing::SyntheticClip;
+
+constexpr double kFps = 30;
+constexpr int kFrames = 90;
+
+// The stands found in `poses` of a clip's person.
+std::vector<FrameObservation> Stands(const SyntheticClip& clip, const Eigen::MatrixXd& poses) {
+  const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
+                              &clip.detections.detections3d, clip.fps, testing::PlainOptions());
+  std::vector<FrameObservation> observations;
+  for (int f = 0; f < clip.num_frames(); ++f) observations.push_back(evidence.Observe(f));
+  FindStandingFeet(evidence, poses, &observations);
+  return observations;
+}
+
+TEST(StandingFeetTest, FeetOfWhoeverSquatsStandWhereTheyAre) {
+  const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
+  // An estimate that drifts to and fro along the ray.
+  Eigen::MatrixXd poses = clip.poses;
+  for (int f = 0; f < kFrames; ++f) {
+    poses.col(f).head<3>() *= 1 + 0.02 * std::sin(4 * std::numbers::pi * f / kFrames);
+  }
+  const std::vector<FrameObservation> observations = Stands(clip, poses);
+  KinematicState state;
+  double worst_m = 0;
+  for (int f = 0; f < kFrames; ++f) {
+    EXPECT_EQ(observations[f].standing.size(), 4U) << "frame " << f;
+    ForwardKinematics(clip.skeleton, clip.poses.col(f), &state);
+    for (const StandingJoint& standing : observations[f].standing) {
+      worst_m = std::max(worst_m,
+                         std::abs(standing.range_m - state.joints.col(standing.joint).norm()));
+    }
+  }
+  EXPECT_LT(worst_m, 0.02);  // the drift is 0.08
+}
+
+TEST(StandingFeetTest, AWalkersFeetStandByTurns) {
+  const SyntheticClip clip = MakeClip(MotionKind::kWalk, kFrames, kFps, {}, 1);
+  const std::vector<FrameObservation> observations = Stands(clip, clip.poses);
+  const Eigen::MatrixXd joints = JointTrajectories(clip.skeleton, clip.poses);
+  int num_standing = 0;
+  for (int f = 1; f + 1 < kFrames; ++f) {
+    for (const StandingJoint& standing : observations[f].standing) {
+      const auto at = [&](int g) { return joints.col(g).segment<3>(3 * standing.joint); };
+      EXPECT_LT((at(f + 1) - at(f - 1)).norm() * kFps / 2, 0.5);
+      ++num_standing;
+    }
+  }
+  EXPECT_GT(num_standing, kFrames);  // of four joints per frame
+  EXPECT_LT(num_standing, 3 * kFrames);
+}
+
+TEST(StandingFeetTest, WhatNobodySeesDoesNotStand) {
+  DetectionNoise noise;
+  noise.gaps = {{30, 60}};
+  const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, noise, 1);
+  const std::vector<FrameObservation> observations = Stands(clip, clip.poses);
+  EXPECT_FALSE(observations[10].standing.empty());
+  EXPECT_TRUE(observations[45].standing.empty());
+}
+
+}  // namespace
+}  // namespace mpc

@@ -73,6 +73,7 @@ Json PoseOptionsJson(const PoseOptions& options) {
           {"robust_3d", options.robust_3d},
           {"pck_threshold", options.pck_threshold},
           {"test_depth_flips", options.test_depth_flips},
+          {"hold_standing_feet", options.hold_standing_feet},
           {"weight_rest", options.weight_rest},
           {"fit_proportions", options.fit_proportions}};
 }

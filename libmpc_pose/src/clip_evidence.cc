@@ -21,8 +21,8 @@ using enum JointId;
 
 // From the median length of the error to its root mean square.
 constexpr double kErrorSpread = 1.3;
-static const double kErrorStandingMm = getenv("SE")?atof(getenv("SE")):30;   // how still a standing foot stands along the ray
-static const double kRobustStandingMm = getenv("SR")?atof(getenv("SR")):100;
+constexpr double kErrorStandingMm = 15;    // of a standing foot along the ray
+constexpr double kRobustStandingMm = 200;  // it does not stand there after all
 constexpr double kMinError2dMm = 7;
 // Part of the errors is followed by the solution that they are measured from.
 constexpr double kFollowed = 1.35;

@@ -11,7 +11,8 @@ namespace mpc {
 
 int FrameProblem::num_residuals() const {
   return reprojection.num_residuals() + joint_positions.num_residuals() +
-         bone_vectors.num_residuals() + standing.num_residuals() + rest_prior.num_residuals() + track_prior.num_residuals();
+         bone_vectors.num_residuals() + standing.num_residuals() + rest_prior.num_residuals() +
+         track_prior.num_residuals();
 }
 
 FrameProblem FrameProblem::Restricted(const std::vector<int>& joint_index,

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "mpc/core/rigid.h"
@@ -13,7 +14,9 @@
 namespace mpc {
 namespace {
 
-constexpr int kNumCandidates = 5;  // as is, three mirrored combinations, as detected
+constexpr int kNumMirrored = 3;  // of two bones
+// As is, mirrored, mirrored and fitted to the evidence, as detected.
+constexpr int kNumCandidates = 2 + 2 * kNumMirrored;
 // Lasting errors: evidence of this many seconds counts as one independent observation.
 constexpr double kEvidenceSeconds = 0.25;
 constexpr double kSpeed = 2.0;      // m/s of a joint relative to the torso that is free
@@ -121,10 +124,27 @@ class LimbFitter {
 
   Candidates Fit(const Limb& limb) {
     Candidates candidates;
-    for (int c = 0; c < kNumCandidates; ++c) {
-      candidates[c] = Fit(limb, c);
-      // What ends where the limb is already is no other hypothesis.
-      if (c > 0 && Distance(candidates[c], candidates[0]) < kSameLimb) {
+    const FrameProblem narrow = narrow_.Restricted(limb.joint_index, limb.hinges);
+    const Eigen::VectorXd start = Start(limb, pose_);
+    candidates[0] = Solved(limb, narrow, start);
+    KinematicState state;
+    ForwardKinematics(limb.skeleton, start, &state);
+    for (int mask = 1; mask <= kNumMirrored; ++mask) {
+      FrameProblem mirrored;
+      mirrored.bone_vectors = MirroredBones(limb, narrow, state.joints, camera_from_ray_, mask);
+      mirrored.rest_prior = narrow.rest_prior;
+      Eigen::VectorXd pose = start;
+      SolveFrame(limb.skeleton, mirrored, options_, &pose, &scratch_);
+      candidates[mask] = Evaluated(limb, narrow, pose);
+      candidates[kNumMirrored + mask] = Solved(limb, narrow, pose);
+    }
+    Eigen::VectorXd detected = Start(limb, relaxed_);
+    SolveFrame(limb.skeleton, wide_.Restricted(limb.joint_index, limb.hinges), options_, &detected,
+               &scratch_);
+    candidates.back() = Solved(limb, narrow, detected);
+    // What ends where the limb is already is no other hypothesis.
+    for (int c = 1; c < kNumCandidates; ++c) {
+      if (Distance(candidates[c], candidates[0]) < kSameLimb) {
         candidates[c].cost = std::numeric_limits<double>::infinity();
       }
     }
@@ -132,33 +152,31 @@ class LimbFitter {
   }
 
  private:
-  Candidate Fit(const Limb& limb, int c) {
-    Eigen::VectorXd limb_pose(limb.skeleton.num_dofs());
-    limb_pose.head<3>() = body_.origins.col(limb.anchor);
-    limb_pose.segment<3>(3) = LogSO3(body_.rotations[limb.anchor]);
-    const bool from_rest = c == kNumCandidates - 1;
-    for (size_t h = 0; h < limb.hinges.size(); ++h) {
-      limb_pose[6 + h] = (from_rest ? relaxed_ : pose_)[6 + limb.hinges[h]];
-    }
-    const FrameProblem narrow = narrow_.Restricted(limb.joint_index, limb.hinges);
-    const auto solve = [&](const FrameProblem& problem) {
-      return SolveFrame(limb.skeleton, problem, options_, &limb_pose, &scratch_).final_cost;
-    };
-    KinematicState state;
-    if (from_rest) {
-      solve(wide_.Restricted(limb.joint_index, limb.hinges));
-    } else if (c > 0) {
-      ForwardKinematics(limb.skeleton, limb_pose, &state);
-      FrameProblem mirrored;
-      mirrored.bone_vectors = MirroredBones(limb, narrow, state.joints, camera_from_ray_, c);
-      mirrored.rest_prior = narrow.rest_prior;
-      solve(mirrored);
-    }
+  // The limb with the angles of `whole`, where it hangs on the body.
+  Eigen::VectorXd Start(const Limb& limb, const Eigen::VectorXd& whole) const {
+    Eigen::VectorXd pose(limb.skeleton.num_dofs());
+    pose.head<3>() = body_.origins.col(limb.anchor);
+    pose.segment<3>(3) = LogSO3(body_.rotations[limb.anchor]);
+    for (size_t h = 0; h < limb.hinges.size(); ++h) pose[6 + h] = whole[6 + limb.hinges[h]];
+    return pose;
+  }
+
+  Candidate Solved(const Limb& limb, const FrameProblem& problem, Eigen::VectorXd pose) {
+    SolveFrame(limb.skeleton, problem, options_, &pose, &scratch_);
+    return Evaluated(limb, problem, std::move(pose));
+  }
+
+  Candidate Evaluated(const Limb& limb, const FrameProblem& problem, Eigen::VectorXd pose) {
     Candidate candidate;
-    candidate.cost = solve(narrow);
-    candidate.angles = limb_pose.tail(static_cast<Eigen::Index>(limb.hinges.size()));
-    limb_pose.head<6>().setZero();
-    ForwardKinematics(limb.skeleton, limb_pose, &state);
+    PosePoint& at = scratch_.current;
+    at.pose = pose;
+    at.root_rotation = body_.rotations[limb.anchor];
+    at.Update(limb.skeleton, /*with_jacobian=*/false);
+    candidate.cost = EvaluateFrame(problem, at, &scratch_.evaluation);
+    candidate.angles = pose.tail(static_cast<Eigen::Index>(limb.hinges.size()));
+    pose.head<6>().setZero();
+    KinematicState state;
+    ForwardKinematics(limb.skeleton, pose, &state);
     candidate.joints = state.joints.leftCols(limb.num_paper_joints);
     return candidate;
   }

@@ -170,7 +170,8 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
       evidence.MeasureError2d(initialization.observations, track.poses);
     }
     if (round > 0 && options.fit_proportions) {
-      for (FrameObservation& observation : initialization.observations) observation.standing.clear();
+      for (FrameObservation& observation : initialization.observations)
+        observation.standing.clear();
       const Stopwatch watch;
       calibration.Step(windows, track.poses, num_threads, &evidence, &initialization);
       track.seconds_calibration += watch.Seconds();

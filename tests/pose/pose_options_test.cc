@@ -31,6 +31,7 @@ TEST(PoseOptionsTest, PaperHasThePapersValuesAndNothingOfOurs) {
   EXPECT_FALSE(paper.pixels_in_mm);
   EXPECT_FALSE(paper.confidence_weights);
   EXPECT_FALSE(paper.test_depth_flips);
+  EXPECT_FALSE(paper.hold_standing_feet);
   EXPECT_FALSE(paper.fit_proportions);
   EXPECT_EQ(paper.robust_2d, 0);
   EXPECT_EQ(paper.robust_3d, 0);

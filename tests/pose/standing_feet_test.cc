@@ -41,8 +41,8 @@ TEST(StandingFeetTest, FeetOfWhoeverSquatsStandWhereTheyAre) {
     EXPECT_EQ(observations[f].standing.size(), 4U) << "frame " << f;
     ForwardKinematics(clip.skeleton, clip.poses.col(f), &state);
     for (const StandingJoint& standing : observations[f].standing) {
-      worst_m = std::max(worst_m,
-                         std::abs(standing.range_m - state.joints.col(standing.joint).norm()));
+      worst_m =
+          std::max(worst_m, std::abs(standing.range_m - state.joints.col(standing.joint).norm()));
     }
   }
   EXPECT_LT(worst_m, 0.02);  // the drift is 0.08

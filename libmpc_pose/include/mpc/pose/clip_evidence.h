@@ -44,8 +44,8 @@ struct FrameObservation {
   std::vector<int> joint_3d;                 // joints seen in 3D, indices into Skeleton::joints
   std::vector<Eigen::Vector3d> position_3d;  // camera axes, as detected, any origin, m
   std::vector<double> confidence_3d;
-  std::vector<StandingJoint> standing;       // feet, by FindStandingFeet; weights 1
-  double scale_3d = 1;  // the actor's lengths over the detected ones
+  std::vector<StandingJoint> standing;  // feet, by FindStandingFeet; weights 1
+  double scale_3d = 1;                  // the actor's lengths over the detected ones
   Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
   double mm_per_px = 0;  // at the person, from t_f
   double error_mm = 0;   // that error at the person, per joint in the middle

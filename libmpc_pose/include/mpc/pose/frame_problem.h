@@ -20,7 +20,7 @@ struct FrameProblem {
   ReprojectionEnergy reprojection;
   JointPositionEnergy joint_positions;  // the paper's E_3d; empty in the default
   BoneVectorEnergy bone_vectors;        // ours; empty in the paper preset
-  StandingEnergy standing;        // ours
+  StandingEnergy standing;              // ours
   RestPriorEnergy rest_prior;
   TrackPriorEnergy track_prior;  // empty but while frames are initialised one after the other
 

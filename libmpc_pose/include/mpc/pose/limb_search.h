@@ -4,8 +4,8 @@
 // Source: ours (docs/pose.md, "Depth hypotheses"); off in the paper preset.
 //
 // Per frame and limb the candidates are: the limb as it is, its upper, lower or both bones mirrored
-// along the viewing ray, and the limb as detected; each is fitted to the frame's evidence with the
-// torso held. One path through the candidates is chosen over all frames by dynamic programming:
+// along the viewing ray (just so, and fitted to the frame's evidence from there), and the limb as
+// detected and fitted; the torso is held. One path through the candidates is chosen over all frames by dynamic programming:
 // evidence, joint limits and rest prior per frame, continuity of the limb between frames.
 // Symbols: N dofs, F frames.
 #pragma once

@@ -10,9 +10,9 @@
 namespace mpc {
 
 struct StandingJoint {
-  int joint = 0;                                  // index into Skeleton::joints
-  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ(); // from the camera to the joint, unit, body axes
-  double range_m = 0;                             // where along it the joint stands
+  int joint = 0;                                   // index into Skeleton::joints
+  Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // from the camera to the joint, unit, body axes
+  double range_m = 0;                              // where along it the joint stands
   double weight = 1;
 };
 

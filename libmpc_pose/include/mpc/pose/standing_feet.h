@@ -14,8 +14,9 @@
 namespace mpc {
 
 // Sets FrameObservation::standing of the F observations to the ankles and toes that stand in `poses`
-// (N x F), each at the median of its ranges while it stands; joints that a frame does not see in 2D
-// do not count.
+// (N x F) and that the frame sees in 2D: where the ray meets the floor under all stands of the clip, and
+// at the median of its own ranges, each by its uncertainty; at the latter alone when it stands more than
+// a step above or below that floor.
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations);
 

@@ -158,9 +158,11 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
   track.num_windows = static_cast<int>(windows.size());
   track.poses = initialization.poses;
   // Later rounds start from the one before, with the proportions it shows, the limbs chosen over the
-  // clip and each dof's smoothness after its own spectrum.
-  const int num_rounds =
-      options.fit_proportions || options.test_depth_flips || options.adaptive_band ? kNumRounds : 1;
+  // clip, the feet that stand and each dof's smoothness after its own spectrum.
+  const int num_rounds = options.fit_proportions || options.test_depth_flips ||
+                                 options.hold_standing_feet || options.adaptive_band
+                             ? kNumRounds
+                             : 1;
   ProportionsCalibration calibration(skeleton);
   const bool measures_error_2d = options.error_2d_mm == 0 && num_rounds > 1;
   for (int round = 0; round < num_rounds && !track.cancelled; ++round) {
@@ -169,9 +171,8 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     if (measures_error_2d && round == 1) {
       evidence.MeasureError2d(initialization.observations, track.poses);
     }
+    for (FrameObservation& observation : initialization.observations) observation.standing.clear();
     if (round > 0 && options.fit_proportions) {
-      for (FrameObservation& observation : initialization.observations)
-        observation.standing.clear();
       const Stopwatch watch;
       calibration.Step(windows, track.poses, num_threads, &evidence, &initialization);
       track.seconds_calibration += watch.Seconds();

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "mpc/core/units.h"
+#include "mpc/skeleton/world.h"
 
 namespace mpc {
 namespace {
@@ -12,6 +13,8 @@ namespace {
 constexpr std::array kFootJoints = {JointId::kLeftAnkle, JointId::kRightAnkle, JointId::kLeftToe,
                                     JointId::kRightToe};
 constexpr double kSpeed = 0.2;               // m/s across the ray that count as none
+constexpr double kFloorSpeed = 0.5;          // m/s straight along the floor that would show as more
+constexpr double kAlongSpeed = 0.6;          // m/s along the ray, as estimated
 constexpr double kSpeedSeconds = 0.1;        // over which it is taken
 constexpr double kLeastSeconds = 0.25;       // that a foot stands
 constexpr double kMaxTilt = 60 * kDegree;    // of an upright person from the picture's up
@@ -37,7 +40,7 @@ double Across(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
 struct FootTracks {
   std::array<int, kFootJoints.size()> joints{};  // of the skeleton, -1: it has none
   std::array<Eigen::Matrix3Xd, kFootJoints.size()> positions;
-  std::vector<Eigen::Vector3d> upright;  // from the ankles to the trunk, of upright frames
+  std::vector<Eigen::Vector3d> upright;  // standing directions of upright frames
 };
 
 FootTracks TrackFeet(const Skeleton& skeleton, const Eigen::MatrixXd& poses) {
@@ -52,8 +55,7 @@ FootTracks TrackFeet(const Skeleton& skeleton, const Eigen::MatrixXd& poses) {
     for (size_t i = 0; i < kFootJoints.size(); ++i) {
       if (tracks.joints[i] >= 0) tracks.positions[i].col(f) = state.joints.col(tracks.joints[i]);
     }
-    const Eigen::Vector3d ankles = 0.5 * (tracks.positions[0].col(f) + tracks.positions[1].col(f));
-    const Eigen::Vector3d up = (state.origins.col(0) - ankles).normalized();
+    const Eigen::Vector3d up = StandingDirection(skeleton, state);
     if (-up.y() > std::cos(kMaxTilt)) tracks.upright.push_back(up);
   }
   return tracks;
@@ -66,7 +68,7 @@ struct Stand {
   int end = 0;
 };
 
-std::vector<Stand> FindStands(const FootTracks& tracks, double fps,
+std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& up, double fps,
                               const std::vector<FrameObservation>& observations) {
   const int num_frames = static_cast<int>(observations.size());
   const int reach = std::max(1, static_cast<int>(std::lround(0.5 * kSpeedSeconds * fps)));
@@ -82,7 +84,11 @@ std::vector<Stand> FindStands(const FootTracks& tracks, double fps,
       if (!seen) return false;
       const int before = std::max(0, f - reach);
       const int after = std::min(num_frames - 1, f + reach);
-      return Across(positions.col(before), positions.col(after)) * fps <= kSpeed * (after - before);
+      const Eigen::Vector3d moved =
+          (positions.col(after) - positions.col(before)) * fps / (after - before);
+      const Eigen::Vector3d ray = positions.col(f).normalized();
+      return moved.cross(ray).norm() <= std::min(kSpeed, kFloorSpeed * std::abs(up.dot(ray))) &&
+             std::abs(moved.dot(ray)) <= kAlongSpeed;
     };
     for (int begin = 0; begin < num_frames;) {
       int end = begin;
@@ -147,8 +153,9 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
                       std::vector<FrameObservation>* observations) {
   for (FrameObservation& observation : *observations) observation.standing.clear();
   const FootTracks tracks = TrackFeet(evidence.skeleton(), poses);
-  const std::vector<Stand> stands = FindStands(tracks, evidence.fps(), *observations);
   const Eigen::Vector3d up = EstimateUp(evidence.camera(), tracks);
+  if (up.isZero()) return;  // nothing says which feet bear anybody
+  const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
   const std::array<double, 2> floor = FindFloor(tracks, stands, up);
   for (const Stand& stand : stands) {
     const double own_range = Median(Along(nullptr, tracks, stand));

@@ -43,17 +43,6 @@ Vector3d MedianDirection(const std::vector<Vector3d>& directions) {
   return median.normalized();
 }
 
-// From the middle of the ankles to the middle of the trunk: whoever stands keeps that over the feet,
-// also when leaning.
-Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state) {
-  const auto joint = [&](JointId id) -> Vector3d {
-    return state.joints.col(skeleton.FindJointIndex(id));
-  };
-  const Vector3d feet = (joint(JointId::kLeftAnkle) + joint(JointId::kRightAnkle)) / 2;
-  const Vector3d trunk = (joint(JointId::kPelvis) + joint(JointId::kNeck)) / 2;
-  return (trunk - feet).normalized();
-}
-
 // Where the camera is in each frame: in the world when that is known, else nowhere (identity).
 class Base {
  public:
@@ -148,6 +137,15 @@ double FloorHeight(const Character& character, const Eigen::MatrixXd& poses, con
 }
 
 }  // namespace
+
+Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state) {
+  const auto joint = [&](JointId id) -> Vector3d {
+    return state.joints.col(skeleton.FindJointIndex(id));
+  };
+  const Vector3d feet = (joint(JointId::kLeftAnkle) + joint(JointId::kRightAnkle)) / 2;
+  const Vector3d trunk = (joint(JointId::kPelvis) + joint(JointId::kNeck)) / 2;
+  return (trunk - feet).normalized();
+}
 
 WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,
                             const Camera& camera, std::span<const CameraFromWorld> motion,

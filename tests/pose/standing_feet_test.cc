@@ -29,13 +29,16 @@ std::vector<FrameObservation> Stands(const SyntheticClip& clip, const Eigen::Mat
 
 TEST(StandingFeetTest, FeetOfWhoeverSquatsStandWhereTheyAre) {
   const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
-  // An estimate that drifts to and fro along the ray.
+  // An estimate whose feet drift to and fro along their ray.
+  KinematicState state;
+  ForwardKinematics(clip.skeleton, clip.poses.col(0), &state);
+  const Eigen::Vector3d ray =
+      state.joints.col(clip.skeleton.FindJointIndex(JointId::kLeftAnkle)).normalized();
   Eigen::MatrixXd poses = clip.poses;
   for (int f = 0; f < kFrames; ++f) {
-    poses.col(f).head<3>() *= 1 + 0.02 * std::sin(4 * std::numbers::pi * f / kFrames);
+    poses.col(f).head<3>() += 0.08 * std::sin(2 * std::numbers::pi * f / kFrames) * ray;
   }
   const std::vector<FrameObservation> observations = Stands(clip, poses);
-  KinematicState state;
   double worst_m = 0;
   for (int f = 0; f < kFrames; ++f) {
     EXPECT_EQ(observations[f].standing.size(), 4U) << "frame " << f;
@@ -56,11 +59,11 @@ TEST(StandingFeetTest, AWalkersFeetStandByTurns) {
   for (int f = 1; f + 1 < kFrames; ++f) {
     for (const StandingJoint& standing : observations[f].standing) {
       const auto at = [&](int g) { return joints.col(g).segment<3>(3 * standing.joint); };
-      EXPECT_LT((at(f + 1) - at(f - 1)).norm() * kFps / 2, 0.5);
+      EXPECT_LT((at(f + 1) - at(f - 1)).norm() * kFps / 2, 0.8);
       ++num_standing;
     }
   }
-  EXPECT_GT(num_standing, kFrames);  // of four joints per frame
+  EXPECT_GT(num_standing, kFrames / 2);  // of four joints per frame
   EXPECT_LT(num_standing, 3 * kFrames);
 }
 

@@ -13,8 +13,13 @@
 #include "mpc/core/camera.h"
 #include "mpc/core/rigid.h"
 #include "mpc/skeleton/character.h"
+#include "mpc/skeleton/kinematics.h"
 
 namespace mpc {
+
+// From the middle of the ankles to the middle of the trunk, unit, in the pose's frame: whoever stands
+// keeps that over the feet, also when leaning. The skeleton has the paper's joints.
+Eigen::Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state);
 
 struct SceneFrame {};  // right-handed, y up, floor at y = 0, metres
 

@@ -22,8 +22,9 @@ constexpr double kUprightShare = 0.1;        // of the frames that say where up 
 constexpr double kSnapAngle = 25 * kDegree;  // up to a world axis
 constexpr double kStep = 0.15;         // m; stands that differ less in height are on one floor
 constexpr double kFloorError = 0.015;  // m in height of a standing joint over the floor
-constexpr double kOwnError = 0.1;      // m along the ray of a stand on its own
-constexpr double kReach = 0.05;        // m across the ray from where it began to stand
+constexpr double kGuessedFloorError = 0.05;  // the same where nothing but people says where up is
+constexpr double kOwnError = 0.1;            // m along the ray of a stand on its own
+constexpr double kReach = 0.05;              // m across the ray from where it began to stand
 
 double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -103,9 +104,10 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
   return stands;
 }
 
-// Up in the camera's frame: of the world's axes the nearest to how people stand, else that itself;
-// zero when hardly anybody is upright.
-Eigen::Vector3d EstimateUp(const Camera& camera, const FootTracks& tracks) {
+// Up in the camera's frame: of the world's axes the nearest to how people stand (then it is known), else
+// that itself; zero when hardly anybody is upright.
+Eigen::Vector3d EstimateUp(const Camera& camera, const FootTracks& tracks, bool* is_known) {
+  *is_known = false;
   Eigen::Vector3d up = Eigen::Vector3d::Zero();
   if (kUprightShare * static_cast<double>(tracks.positions[0].cols()) >
       static_cast<double>(tracks.upright.size())) {
@@ -118,6 +120,7 @@ Eigen::Vector3d EstimateUp(const Camera& camera, const FootTracks& tracks) {
   Eigen::Index axis = 0;
   in_world.cwiseAbs().maxCoeff(&axis);
   if (std::abs(in_world[axis]) < std::cos(kSnapAngle)) return up;
+  *is_known = true;
   return std::copysign(1.0, in_world[axis]) * camera.camera_from_world.rotation.col(axis);
 }
 
@@ -153,7 +156,9 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
                       std::vector<FrameObservation>* observations) {
   for (FrameObservation& observation : *observations) observation.standing.clear();
   const FootTracks tracks = TrackFeet(evidence.skeleton(), poses);
-  const Eigen::Vector3d up = EstimateUp(evidence.camera(), tracks);
+  bool is_known = false;
+  const Eigen::Vector3d up = EstimateUp(evidence.camera(), tracks, &is_known);
+  const double floor_error = is_known ? kFloorError : kGuessedFloorError;
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
   const std::array<double, 2> floor = FindFloor(tracks, stands, up);
@@ -166,7 +171,7 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
       const double slope = up.dot(ray);
       double range_m = own_range;
       if (on_floor && slope < 0) {
-        const double trust = std::pow(slope * kOwnError / kFloorError, 2);
+        const double trust = std::pow(slope * kOwnError / floor_error, 2);
         range_m = (own_range + trust * floor[stand.foot / 2] / slope) / (1 + trust);
       }
       (*observations)[f].standing.push_back({tracks.joints[stand.foot], ray, range_m, 1});

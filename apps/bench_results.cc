@@ -198,8 +198,9 @@ std::vector<std::string> WorseSteps(const std::vector<ClipResult>& results) {
       };
       const double vertex_mm = change("vertex_error"), iou = change("iou");
       if (vertex_mm > kWorseVertexMm || iou < -kWorseIou) {
-        worse.push_back(fmt::format("{}, {}: vertex error {:+.1f} mm, IoU {:+.3f}", result.name,
-                                    stage.name, vertex_mm, iou));
+        const std::string vertex =
+            std::isnan(vertex_mm) ? "" : fmt::format("vertex error {:+.1f} mm, ", vertex_mm);
+        worse.push_back(fmt::format("{}, {}: {}IoU {:+.3f}", result.name, stage.name, vertex, iou));
       }
     }
   }

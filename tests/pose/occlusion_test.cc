@@ -20,8 +20,8 @@ using testing::FrameErrors;
 using testing::MakeClip;
 using testing::SyntheticClip;
 
-constexpr double kFps = 30;
-constexpr int kFrames = 75;
+constexpr double kClipFps = 30;
+constexpr int kClipFrames = 75;
 constexpr FrameRange kGap = {25, 55};
 constexpr int kThirdVisible = 57;
 constexpr double kSigmaPx = 5;
@@ -35,7 +35,7 @@ double ThirdVisibleFrame(DetectionNoise noise, bool gap, uint64_t num_seeds) {
   if (gap) noise.gaps = {kGap};
   for (const MotionKind motion : kMotions) {
     for (uint64_t seed = 1; seed <= num_seeds; ++seed) {
-      const SyntheticClip clip = MakeClip(motion, kFrames, kFps, noise, seed);
+      const SyntheticClip clip = MakeClip(motion, kClipFrames, kClipFps, noise, seed);
       const PoseTrack track = testing::Estimate(clip, testing::PlainOptions());
       error += FrameErrors(clip, clip.skeleton, track.poses)[kThirdVisible];
     }
@@ -67,34 +67,35 @@ MatrixXd FrameInformation(const SyntheticClip& clip, const PosePoint& at, const 
 // own: linear around the truth, with the true size of all errors, and as prior the true spectrum of
 // each dof, which no estimator knows.
 double IdealThirdVisibleFrame(MotionKind motion, bool gap) {
-  const SyntheticClip clip = MakeClip(motion, kFrames, kFps, {}, 1);
+  const SyntheticClip clip = MakeClip(motion, kClipFrames, kClipFps, {}, 1);
   const int num_dofs = clip.skeleton.num_dofs();
   std::vector<Eigen::Matrix3d> rotations;
-  for (int f = 0; f < kFrames; ++f) rotations.push_back(ExpSO3(clip.poses.col(f).segment<3>(3)));
+  for (int f = 0; f < kClipFrames; ++f)
+    rotations.push_back(ExpSO3(clip.poses.col(f).segment<3>(3)));
   const RootChart chart(rotations);
   MatrixXd s = clip.poses;
   s.middleRows<3>(3) = chart.Coordinates(rotations);
 
   // Unknowns frame by frame. The prior's precision of dof n is D^T diag(1 / c_nk^2) D.
-  MatrixXd precision = MatrixXd::Zero(num_dofs * kFrames, num_dofs * kFrames);
-  const MatrixXd basis = DctBasis(kFrames, kFrames);
+  MatrixXd precision = MatrixXd::Zero(num_dofs * kClipFrames, num_dofs * kClipFrames);
+  const MatrixXd basis = DctBasis(kClipFrames, kClipFrames);
   const MatrixXd spectrum = s * basis.transpose();
   for (int n = 0; n < num_dofs; ++n) {
-    Eigen::VectorXd inverse = Eigen::VectorXd::Constant(kFrames, 1e-6);
-    for (int k = 1; k < kFrames; ++k) {
+    Eigen::VectorXd inverse = Eigen::VectorXd::Constant(kClipFrames, 1e-6);
+    for (int k = 1; k < kClipFrames; ++k) {
       const int first = std::max(1, k - 2);
-      const int count = std::min(kFrames - 1, k + 2) - first + 1;
+      const int count = std::min(kClipFrames - 1, k + 2) - first + 1;
       const double variance = spectrum.row(n).segment(first, count).squaredNorm() / count;
       inverse[k] = 1 / (variance + 1e-10);
     }
     const MatrixXd of_dof = basis.transpose() * inverse.asDiagonal() * basis;
-    for (int f = 0; f < kFrames; ++f) {
-      for (int g = 0; g < kFrames; ++g)
+    for (int f = 0; f < kClipFrames; ++f) {
+      for (int g = 0; g < kClipFrames; ++g)
         precision(f * num_dofs + n, g * num_dofs + n) = of_dof(f, g);
     }
   }
   MatrixXd jacobian;  // of the joints in the frame asked for, relative to the hips
-  for (int f = 0; f < kFrames; ++f) {
+  for (int f = 0; f < kClipFrames; ++f) {
     PosePoint at;
     at.pose = clip.poses.col(f);
     at.root_rotation = rotations[f];
@@ -112,7 +113,7 @@ double IdealThirdVisibleFrame(MotionKind motion, bool gap) {
     precision.block(f * num_dofs, f * num_dofs, num_dofs, num_dofs) +=
         FrameInformation(clip, at, turn);
   }
-  MatrixXd unit = MatrixXd::Zero(num_dofs * kFrames, num_dofs);
+  MatrixXd unit = MatrixXd::Zero(num_dofs * kClipFrames, num_dofs);
   unit.middleRows(kThirdVisible * num_dofs, num_dofs).setIdentity();
   const MatrixXd covariance =
       precision.llt().solve(unit).middleRows(kThirdVisible * num_dofs, num_dofs);

@@ -6,12 +6,12 @@
 #include <limits>
 #include <vector>
 
+#include "mpc/core/units.h"
 #include "support/expect_error.h"
 
 namespace mpc {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 const Eigen::Vector3d kUp = Eigen::Vector3d::UnitY();
 
 class FootSkateTest : public ::testing::Test {

@@ -9,11 +9,10 @@
 
 #include "mpc/core/error.h"
 #include "mpc/core/rigid.h"
+#include "mpc/core/units.h"
 
 namespace mpc {
 namespace {
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 class MetricsTest : public ::testing::Test {
  protected:

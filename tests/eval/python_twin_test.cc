@@ -25,7 +25,7 @@ using nlohmann::json;
 
 constexpr double kFps = 25;
 constexpr int kNumFrames = 12;
-const Eigen::Vector3d kUp(0.36, 0.48, 0.8);
+const Eigen::Vector3d kWorldUp(0.36, 0.48, 0.8);
 const Eigen::Vector3d kBeforeCamera(0, 0, 6);
 
 // NaN becomes null, which numpy reads as NaN again.
@@ -153,7 +153,7 @@ TEST_F(PythonTwinTest, Agrees) {
         {Index(JointId::kLeftAnkle), Index(JointId::kRightAnkle), Index(JointId::kLeftToe),
          Index(JointId::kRightToe)}},
        {"fps", kFps},
-       {"up", PointJson(kUp)},
+       {"up", PointJson(kWorldUp)},
        {"max_speed", contacts.max_speed},
        {"max_height", contacts.max_height},
        {"camera", {{"fx", camera.fx}, {"fy", camera.fy}, {"cx", camera.cx}, {"cy", camera.cy}}},
@@ -180,7 +180,7 @@ TEST_F(PythonTwinTest, Agrees) {
   expect("jitter", Jitter(estimate_, kFps).mean_mm_per_frame2);
   expect("acceleration", AccelerationError(estimate_, truth_, kFps).mean_mm_per_frame2);
   expect("bones", CompareBoneLengths(joints_, estimate_, bones).mean_mm);
-  expect("skate", CompareFootSkate(joints_, estimate_, truth_, kFps, kUp, contacts).mean_mm);
+  expect("skate", CompareFootSkate(joints_, estimate_, truth_, kFps, kWorldUp, contacts).mean_mm);
   Eigen::MatrixXd in_camera = estimate_;
   for (Eigen::Index row = 2; row < in_camera.rows(); row += 3) {
     in_camera.row(row).array() += kBeforeCamera.z();

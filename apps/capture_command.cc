@@ -3,7 +3,6 @@
 #include <cstdio>
 #include <map>
 #include <memory>
-#include <numbers>
 #include <string>
 
 #include "command.h"

@@ -2,7 +2,6 @@
 
 #include <cstdio>
 #include <memory>
-#include <numbers>
 #include <string>
 
 #include "command.h"

@@ -1,7 +1,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <memory>
-#include <numbers>
 #include <string>
 #include <vector>
 

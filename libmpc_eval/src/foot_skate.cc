@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "mpc/core/error.h"
 #include "mpc/core/units.h"

@@ -162,17 +162,22 @@ class LimbFitter {
   }
 
   Candidate Solved(const Limb& limb, const FrameProblem& problem, Eigen::VectorXd pose) {
-    SolveFrame(limb.skeleton, problem, options_, &pose, &scratch_);
-    return Evaluated(limb, problem, std::move(pose));
+    const double cost = SolveFrame(limb.skeleton, problem, options_, &pose, &scratch_).final_cost;
+    return MakeCandidate(limb, std::move(pose), cost);
   }
 
   Candidate Evaluated(const Limb& limb, const FrameProblem& problem, Eigen::VectorXd pose) {
-    Candidate candidate;
     PosePoint& at = scratch_.current;
     at.pose = pose;
     at.root_rotation = body_.rotations[limb.anchor];
     at.Update(limb.skeleton, /*with_jacobian=*/false);
-    candidate.cost = EvaluateFrame(problem, at, &scratch_.evaluation);
+    const double cost = EvaluateFrame(problem, at, &scratch_.evaluation);
+    return MakeCandidate(limb, std::move(pose), cost);
+  }
+
+  static Candidate MakeCandidate(const Limb& limb, Eigen::VectorXd pose, double cost) {
+    Candidate candidate;
+    candidate.cost = cost;
     candidate.angles = pose.tail(static_cast<Eigen::Index>(limb.hinges.size()));
     pose.head<6>().setZero();
     KinematicState state;

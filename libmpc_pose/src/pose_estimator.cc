@@ -171,8 +171,9 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     if (measures_error_2d && round == 1) {
       evidence.MeasureError2d(initialization.observations, track.poses);
     }
-    for (FrameObservation& observation : initialization.observations) observation.standing.clear();
     if (round > 0 && options.fit_proportions) {
+      // Where a foot stood was measured with the proportions before.
+      for (FrameObservation& frame : initialization.observations) frame.standing.clear();
       const Stopwatch watch;
       calibration.Step(windows, track.poses, num_threads, &evidence, &initialization);
       track.seconds_calibration += watch.Seconds();

@@ -42,9 +42,7 @@ bool ReprojectionEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::Vec
 
 ReprojectionEnergy ReprojectionEnergy::Restricted(const std::vector<int>& joint_index) const {
   ReprojectionEnergy restricted = *this;
-  std::erase_if(restricted.observations_,
-                [&](const Observation2d& o) { return joint_index[o.joint] < 0; });
-  for (Observation2d& o : restricted.observations_) o.joint = joint_index[o.joint];
+  RestrictToJoints(joint_index, &restricted.observations_);
   return restricted;
 }
 

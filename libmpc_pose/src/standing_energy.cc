@@ -30,9 +30,7 @@ bool StandingEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::VectorX
 
 StandingEnergy StandingEnergy::Restricted(const std::vector<int>& joint_index) const {
   StandingEnergy restricted = *this;
-  std::erase_if(restricted.joints_,
-                [&](const StandingJoint& standing) { return joint_index[standing.joint] < 0; });
-  for (StandingJoint& standing : restricted.joints_) standing.joint = joint_index[standing.joint];
+  RestrictToJoints(joint_index, &restricted.joints_);
   return restricted;
 }
 

@@ -12,22 +12,21 @@ namespace {
 
 constexpr std::array kFootJoints = {JointId::kLeftAnkle, JointId::kRightAnkle, JointId::kLeftToe,
                                     JointId::kRightToe};
-constexpr double kSpeed = 0.2;               // m/s across the ray that count as none
-constexpr double kFloorSpeed = 0.5;          // m/s straight along the floor that would show as more
-constexpr double kAlongSpeed = 0.6;          // m/s along the ray, as estimated
-constexpr double kSpeedSeconds = 0.1;        // over which it is taken
-constexpr double kLeastSeconds = 0.25;       // that a foot stands
-constexpr double kMaxTilt = 60 * kDegree;    // of an upright person from the picture's up
-constexpr double kUprightShare = 0.1;        // of the frames that say where up is
-constexpr double kSnapAngle = 25 * kDegree;  // up to a world axis
-constexpr double kStep = 0.15;         // m; stands that differ less in height are on one floor
-constexpr double kFloorError = 0.015;  // m in height of a standing joint over the floor
+constexpr double kSpeed = 0.2;             // m/s across the ray that count as none
+constexpr double kFloorSpeed = 0.5;        // m/s straight along the floor that would show as more
+constexpr double kAlongSpeed = 0.6;        // m/s along the ray, as estimated
+constexpr double kSpeedSeconds = 0.1;      // over which it is taken
+constexpr double kLeastSeconds = 0.25;     // that a foot stands
+constexpr double kMaxTilt = 60 * kDegree;  // of an upright person from the picture's up
+constexpr double kUprightShare = 0.1;      // of the frames that say where up is
+constexpr double kStep = 0.15;             // m; stands that differ less in height are on one floor
+constexpr double kFloorError = 0.015;      // m in height of a standing joint over the floor
 constexpr double kGuessedFloorError = 0.05;  // the same where nothing but people says where up is
 constexpr double kOwnError = 0.1;            // m along the ray of a stand on its own
 constexpr double kReach = 0.05;              // m across the ray from where it began to stand
 
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+double Median(Eigen::VectorXd values) {
+  const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
@@ -104,34 +103,29 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
   return stands;
 }
 
-// Up in the camera's frame: of the world's axes the nearest to how people stand (then it is known), else
-// that itself; zero when hardly anybody is upright.
-Eigen::Vector3d EstimateUp(const Camera& camera, const FootTracks& tracks, bool* is_known) {
-  *is_known = false;
-  Eigen::Vector3d up = Eigen::Vector3d::Zero();
-  if (kUprightShare * static_cast<double>(tracks.positions[0].cols()) >
-      static_cast<double>(tracks.upright.size())) {
-    return up;
-  }
-  for (const Eigen::Vector3d& direction : tracks.upright) up += direction;
-  up.normalize();
+struct UpDirection {
+  Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();  // unit; zero when hardly anybody is upright
+  double floor_error = kGuessedFloorError;
+};
+
+// Up is the world's axis nearest to how people stand, else how they stand.
+UpDirection EstimateUp(const Camera& camera, const FootTracks& tracks) {
+  UpDirection up;
+  const auto num_frames = static_cast<double>(tracks.positions[0].cols());
+  if (static_cast<double>(tracks.upright.size()) < kUprightShare * num_frames) return up;
+  for (const Eigen::Vector3d& direction : tracks.upright) up.in_camera += direction;
+  up.in_camera.normalize();
   if (!camera.has_extrinsics) return up;
-  const Eigen::Vector3d in_world = camera.camera_from_world.rotation.transpose() * up;
-  Eigen::Index axis = 0;
-  in_world.cwiseAbs().maxCoeff(&axis);
-  if (std::abs(in_world[axis]) < std::cos(kSnapAngle)) return up;
-  *is_known = true;
-  return std::copysign(1.0, in_world[axis]) * camera.camera_from_world.rotation.col(axis);
+  const Eigen::Matrix3d& camera_from_world = camera.camera_from_world.rotation;
+  const Eigen::Vector3d standing = camera_from_world.transpose() * up.in_camera;
+  const Eigen::Vector3d axis = SnappedToAxis(standing);
+  if (axis == standing) return up;
+  return {camera_from_world * axis, kFloorError};
 }
 
-// Where the joint of a stand is: along `up` or, without, from the camera; in each of its frames.
-std::vector<double> Along(const Eigen::Vector3d* up, const FootTracks& tracks, const Stand& stand) {
-  std::vector<double> values;
-  for (int f = stand.begin; f < stand.end; ++f) {
-    const Eigen::Vector3d x = tracks.positions[stand.foot].col(f);
-    values.push_back(up == nullptr ? x.norm() : up->dot(x));
-  }
-  return values;
+// Where the joint of a stand was, 3 x frames.
+Eigen::Matrix3Xd Positions(const FootTracks& tracks, const Stand& stand) {
+  return tracks.positions[stand.foot].middleCols(stand.begin, stand.end - stand.begin);
 }
 
 // Heights of the floor, as ankles and as toes have them, along `up` from the camera.
@@ -139,13 +133,14 @@ std::array<double, 2> FindFloor(const FootTracks& tracks, const std::vector<Stan
                                 const Eigen::Vector3d& up) {
   std::array<std::vector<double>, 2> heights;
   for (const Stand& stand : stands) {
-    const std::vector<double> more = Along(&up, tracks, stand);
+    const Eigen::RowVectorXd more = up.transpose() * Positions(tracks, stand);
     std::vector<double>& all = heights[stand.foot / 2];
     all.insert(all.end(), more.begin(), more.end());
   }
   std::array<double, 2> floor{};
   for (size_t kind = 0; kind < floor.size(); ++kind) {
-    if (!heights[kind].empty()) floor[kind] = Median(std::move(heights[kind]));
+    if (heights[kind].empty()) continue;
+    floor[kind] = Median(Eigen::VectorXd::Map(heights[kind].data(), std::ssize(heights[kind])));
   }
   return floor;
 }
@@ -156,23 +151,23 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
                       std::vector<FrameObservation>* observations) {
   for (FrameObservation& observation : *observations) observation.standing.clear();
   const FootTracks tracks = TrackFeet(evidence.skeleton(), poses);
-  bool is_known = false;
-  const Eigen::Vector3d up = EstimateUp(evidence.camera(), tracks, &is_known);
-  const double floor_error = is_known ? kFloorError : kGuessedFloorError;
+  const auto [up, floor_error] = EstimateUp(evidence.camera(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
   const std::array<double, 2> floor = FindFloor(tracks, stands, up);
   for (const Stand& stand : stands) {
-    const double own_range = Median(Along(nullptr, tracks, stand));
-    const double own_height = Median(Along(&up, tracks, stand));
-    const bool on_floor = std::abs(own_height - floor[stand.foot / 2]) < kStep;
+    const Eigen::Matrix3Xd positions = Positions(tracks, stand);
+    const double own_range = Median(positions.colwise().norm());
+    const double own_height = Median(up.transpose() * positions);
+    const double floor_height = floor[stand.foot / 2];
+    const bool on_floor = std::abs(own_height - floor_height) < kStep;
     for (int f = stand.begin; f < stand.end; ++f) {
-      const Eigen::Vector3d ray = tracks.positions[stand.foot].col(f).normalized();
+      const Eigen::Vector3d ray = positions.col(f - stand.begin).normalized();
       const double slope = up.dot(ray);
       double range_m = own_range;
       if (on_floor && slope < 0) {
         const double trust = std::pow(slope * kOwnError / floor_error, 2);
-        range_m = (own_range + trust * floor[stand.foot / 2] / slope) / (1 + trust);
+        range_m = (own_range + trust * floor_height / slope) / (1 + trust);
       }
       (*observations)[f].standing.push_back({tracks.joints[stand.foot], ray, range_m, 1});
     }

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
@@ -93,14 +92,6 @@ Vector3d EstimateUp(const Character& character, const Eigen::MatrixXd& poses, co
   return up.normalized();
 }
 
-// `up`, or the nearest axis when that is near.
-Vector3d SnappedToAxis(const Vector3d& up) {
-  Eigen::Index axis = 0;
-  up.cwiseAbs().maxCoeff(&axis);
-  const Vector3d nearest = std::copysign(1.0, up[axis]) * Vector3d::Unit(axis);
-  return AngleBetween(up, nearest) < kSnapAngle ? nearest : up;
-}
-
 // The smallest rotation onto y, exact when `up` is an axis.
 Matrix3d YUpFrom(const Vector3d& up) {
   const Matrix3d rotation =
@@ -145,6 +136,13 @@ Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state
   const Vector3d feet = (joint(JointId::kLeftAnkle) + joint(JointId::kRightAnkle)) / 2;
   const Vector3d trunk = (joint(JointId::kPelvis) + joint(JointId::kNeck)) / 2;
   return (trunk - feet).normalized();
+}
+
+Vector3d SnappedToAxis(const Vector3d& up) {
+  Eigen::Index axis = 0;
+  up.cwiseAbs().maxCoeff(&axis);
+  const Vector3d nearest = std::copysign(1.0, up[axis]) * Vector3d::Unit(axis);
+  return AngleBetween(up, nearest) < kSnapAngle ? nearest : up;
 }
 
 WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,

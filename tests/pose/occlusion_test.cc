@@ -70,8 +70,9 @@ double IdealThirdVisibleFrame(MotionKind motion, bool gap) {
   const SyntheticClip clip = MakeClip(motion, kClipFrames, kClipFps, {}, 1);
   const int num_dofs = clip.skeleton.num_dofs();
   std::vector<Eigen::Matrix3d> rotations;
-  for (int f = 0; f < kClipFrames; ++f)
+  for (int f = 0; f < kClipFrames; ++f) {
     rotations.push_back(ExpSO3(clip.poses.col(f).segment<3>(3)));
+  }
   const RootChart chart(rotations);
   MatrixXd s = clip.poses;
   s.middleRows<3>(3) = chart.Coordinates(rotations);

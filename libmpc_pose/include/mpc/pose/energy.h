@@ -36,6 +36,14 @@ struct PosePoint {
   void UpdateJacobian(const Skeleton& skeleton);  // the state is current already
 };
 
+// Keeps the terms of a part of the skeleton's joints: joint_index gives each joint's index in the part
+// or -1. A term has the field `joint`.
+template <typename Term>
+void RestrictToJoints(const std::vector<int>& joint_index, std::vector<Term>* terms) {
+  std::erase_if(*terms, [&](const Term& term) { return joint_index[term.joint] < 0; });
+  for (Term& term : *terms) term.joint = joint_index[term.joint];
+}
+
 // Geman-McClure robust loss as a map of a residual block: r -> r / sqrt(1 + |r|^2 / c^2), so that
 // the squared norm becomes rho = |r|^2 / (1 + |r|^2 / c^2) <= c^2. `derivative`, if given, is that of
 // r by anything and is mapped exactly. c <= 0: plain squares, nothing changes.

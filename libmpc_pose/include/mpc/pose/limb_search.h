@@ -5,8 +5,8 @@
 //
 // Per frame and limb the candidates are: the limb as it is, its upper, lower or both bones mirrored
 // along the viewing ray (just so, and fitted to the frame's evidence from there), and the limb as
-// detected and fitted; the torso is held. One path through the candidates is chosen over all frames by dynamic programming:
-// evidence, joint limits and rest prior per frame, continuity of the limb between frames.
+// detected and fitted; the torso is held. One path through the candidates is chosen over all
+// frames by dynamic programming: evidence, joint limits and rest prior per frame, continuity of the limb between frames.
 // Symbols: N dofs, F frames.
 #pragma once
 

@@ -1,4 +1,4 @@
-// Purpose: feet that stand do not move along the viewing ray, where one camera hardly sees them move.
+// Purpose: feet that stand do not move along the viewing ray, where one camera hardly sees motion.
 // Source: ours (docs/pose.md, "Standing feet"); off in the paper preset.
 // Rows: one per joint, mm: sqrt(weight) 1000 (ray . J - range_m).
 #pragma once

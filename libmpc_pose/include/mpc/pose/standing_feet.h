@@ -1,9 +1,9 @@
 // Purpose: find when a foot stands, and where.
 // Source: ours (docs/pose.md, "Standing feet").
 //
-// What stands still in the picture for a while stands still: a foot that moves straight along the ray is
-// rare, one camera's error of a foot's depth is not. Frames: camera. The camera should be at rest; to a
-// moving one little seems to stand, and then little is found. Symbols: N dofs, F frames.
+// What stands still in the picture for a while stands still: a foot that moves straight along the
+// ray is rare, one camera's error of a foot's depth is not. Frames: camera. The camera should be at
+// rest; to a moving one little seems to stand, and then little is found. Symbols: N dofs, F frames.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,10 +13,10 @@
 
 namespace mpc {
 
-// Sets FrameObservation::standing of the F observations to the ankles and toes that stand in `poses`
-// (N x F) and that the frame sees in 2D: where the ray meets the floor under all stands of the clip, and
-// at the median of its own ranges, each by its uncertainty; at the latter alone when it stands more than
-// a step above or below that floor.
+// Sets FrameObservation::standing of the F observations to the ankles and toes that stand in
+// `poses` (N x F) and that the frame sees in 2D: where the ray meets the floor under all stands of
+// the clip, and at the median of its own ranges, each by its uncertainty; at the latter alone when it
+// stands more than a step above or below that floor.
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations);
 

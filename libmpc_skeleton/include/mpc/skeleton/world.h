@@ -17,9 +17,12 @@
 
 namespace mpc {
 
-// From the middle of the ankles to the middle of the trunk, unit, in the pose's frame: whoever stands
-// keeps that over the feet, also when leaning. The skeleton has the paper's joints.
+// From the middle of the ankles to the middle of the trunk, unit, in the pose's frame: whoever
+// stands keeps that over the feet, also when leaning. The skeleton has the paper's joints.
 Eigen::Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state);
+
+// `up`, or the nearest axis of its frame when that is within 25 degrees.
+Eigen::Vector3d SnappedToAxis(const Eigen::Vector3d& up);
 
 struct SceneFrame {};  // right-handed, y up, floor at y = 0, metres
 

@@ -95,7 +95,6 @@ BoneVectorEnergy MirroredBones(const Limb& limb, const FrameProblem& problem,
   std::vector<BoneObservation> bones;
   for (BoneObservation bone : problem.bone_vectors.bones()) {
     bone.vector = joints.col(bone.b) - joints.col(bone.a);
-    bone.weight = 1;
     const int level = limb.skeleton.joints[bone.a].segment - 1;  // 0 upper, 1 lower, 2 foot
     if (level < 2 && ((mask >> level) & 1) != 0) {
       const Eigen::Vector3d ray = camera_from_ray.col(2);
@@ -132,6 +131,8 @@ class LimbFitter {
     for (int mask = 1; mask <= kNumMirrored; ++mask) {
       FrameProblem mirrored;
       mirrored.bone_vectors = MirroredBones(limb, narrow, state.joints, camera_from_ray_, mask);
+      mirrored.reprojection = narrow.reprojection;
+      mirrored.standing = narrow.standing;
       mirrored.rest_prior = narrow.rest_prior;
       Eigen::VectorXd pose = start;
       SolveFrame(limb.skeleton, mirrored, options_, &pose, &scratch_);

@@ -12,11 +12,11 @@ namespace {
 
 constexpr std::array kFootJoints = {JointId::kLeftAnkle, JointId::kRightAnkle, JointId::kLeftToe,
                                     JointId::kRightToe};
-constexpr double kSpeed = 0.2;             // m/s across the ray that count as none
-constexpr double kFloorSpeed = 0.5;        // m/s straight along the floor that would show as more
-constexpr double kAlongSpeed = 0.6;        // m/s along the ray, as estimated
-constexpr double kSpeedSeconds = 0.1;      // over which it is taken
-constexpr double kLeastSeconds = 0.25;     // that a foot stands
+constexpr double kSpeed = 0.15;            // m/s across the ray that count as none
+constexpr double kFloorSpeed = 0.3;        // m/s straight along the floor that would show as more
+constexpr double kAlongSpeed = 0.4;        // m/s along the ray, as estimated
+constexpr double kSpeedSeconds = 0.3;      // over which it is taken
+constexpr double kLeastSeconds = 0.25;     // that a foot stands and its estimate rests
 constexpr double kMaxTilt = 60 * kDegree;  // of an upright person from the picture's up
 constexpr double kUprightShare = 0.1;      // of the frames that say where up is
 constexpr double kStep = 0.15;             // m; stands that differ less in height are on one floor
@@ -66,37 +66,57 @@ struct Stand {
   size_t foot = 0;  // index into kFootJoints
   int begin = 0;
   int end = 0;
+  Eigen::Matrix3Xd at_rest;  // in those frames in which the estimate rests along the ray as well
 };
+
+// How a joint moves around a frame, m/s.
+struct Speed {
+  double across = 0;  // the ray
+  double along = 0;
+};
+
+// Of the line that fits the joint's positions around frame f best.
+Speed SpeedAt(const Eigen::Matrix3Xd& positions, int f, double fps) {
+  const int reach = std::max(1, static_cast<int>(std::lround(0.5 * kSpeedSeconds * fps)));
+  const int before = std::max(0, f - reach);
+  const int count = std::min(static_cast<int>(positions.cols()), f + reach + 1) - before;
+  const Eigen::VectorXd time =
+      Eigen::VectorXd::LinSpaced(count, -0.5 * (count - 1), 0.5 * (count - 1)) / fps;
+  const Eigen::Vector3d moved = positions.middleCols(before, count) * time / time.squaredNorm();
+  const Eigen::Vector3d ray = positions.col(f).normalized();
+  return {moved.cross(ray).norm(), std::abs(moved.dot(ray))};
+}
 
 std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& up, double fps,
                               const std::vector<FrameObservation>& observations) {
   const int num_frames = static_cast<int>(observations.size());
-  const int reach = std::max(1, static_cast<int>(std::lround(0.5 * kSpeedSeconds * fps)));
   const int least = std::max(3, static_cast<int>(std::lround(kLeastSeconds * fps)));
   std::vector<Stand> stands;
   for (size_t i = 0; i < kFootJoints.size(); ++i) {
     const Eigen::Matrix3Xd& positions = tracks.positions[i];
-    const auto rests = [&](int f) {
+    std::vector<bool> rests_across;
+    std::vector<bool> rests_along;
+    for (int f = 0; f < num_frames; ++f) {
       const auto& points = observations[f].points;
       const bool seen = std::any_of(points.begin(), points.end(), [&](const Observation2d& point) {
         return point.joint == tracks.joints[i];
       });
-      if (!seen) return false;
-      const int before = std::max(0, f - reach);
-      const int after = std::min(num_frames - 1, f + reach);
-      const Eigen::Vector3d moved =
-          (positions.col(after) - positions.col(before)) * fps / (after - before);
-      const Eigen::Vector3d ray = positions.col(f).normalized();
-      return moved.cross(ray).norm() <= std::min(kSpeed, kFloorSpeed * std::abs(up.dot(ray))) &&
-             std::abs(moved.dot(ray)) <= kAlongSpeed;
-    };
+      const Speed speed = SpeedAt(positions, f, fps);
+      const double slope = std::abs(up.dot(positions.col(f).normalized()));
+      rests_across.push_back(seen && speed.across <= std::min(kSpeed, kFloorSpeed * slope));
+      rests_along.push_back(speed.along <= kAlongSpeed);
+    }
     for (int begin = 0; begin < num_frames;) {
       int end = begin;
-      while (end < num_frames && rests(end) &&
+      std::vector<int> at_rest;
+      while (end < num_frames && rests_across[end] &&
              Across(positions.col(begin), positions.col(end)) <= kReach) {
+        if (rests_along[end]) at_rest.push_back(end);
         ++end;
       }
-      if (end - begin >= least) stands.push_back({i, begin, end});
+      if (std::ssize(at_rest) >= least) {
+        stands.push_back({i, begin, end, positions(Eigen::all, at_rest)});
+      }
       begin = std::max(begin + 1, end);
     }
   }
@@ -123,17 +143,11 @@ UpDirection EstimateUp(const Camera& camera, const FootTracks& tracks) {
   return {camera_from_world * axis, kFloorError};
 }
 
-// Where the joint of a stand was, 3 x frames.
-Eigen::Matrix3Xd Positions(const FootTracks& tracks, const Stand& stand) {
-  return tracks.positions[stand.foot].middleCols(stand.begin, stand.end - stand.begin);
-}
-
 // Heights of the floor, as ankles and as toes have them, along `up` from the camera.
-std::array<double, 2> FindFloor(const FootTracks& tracks, const std::vector<Stand>& stands,
-                                const Eigen::Vector3d& up) {
+std::array<double, 2> FindFloor(const std::vector<Stand>& stands, const Eigen::Vector3d& up) {
   std::array<std::vector<double>, 2> heights;
   for (const Stand& stand : stands) {
-    const Eigen::RowVectorXd more = up.transpose() * Positions(tracks, stand);
+    const Eigen::RowVectorXd more = up.transpose() * stand.at_rest;
     std::vector<double>& all = heights[stand.foot / 2];
     all.insert(all.end(), more.begin(), more.end());
   }
@@ -154,15 +168,14 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
   const auto [up, floor_error] = EstimateUp(evidence.camera(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
-  const std::array<double, 2> floor = FindFloor(tracks, stands, up);
+  const std::array<double, 2> floor = FindFloor(stands, up);
   for (const Stand& stand : stands) {
-    const Eigen::Matrix3Xd positions = Positions(tracks, stand);
-    const double own_range = Median(positions.colwise().norm());
-    const double own_height = Median(up.transpose() * positions);
+    const double own_range = Median(stand.at_rest.colwise().norm());
+    const double own_height = Median(up.transpose() * stand.at_rest);
     const double floor_height = floor[stand.foot / 2];
     const bool on_floor = std::abs(own_height - floor_height) < kStep;
     for (int f = stand.begin; f < stand.end; ++f) {
-      const Eigen::Vector3d ray = positions.col(f - stand.begin).normalized();
+      const Eigen::Vector3d ray = tracks.positions[stand.foot].col(f).normalized();
       const double slope = up.dot(ray);
       double range_m = own_range;
       if (on_floor && slope < 0) {

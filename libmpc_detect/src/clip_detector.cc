@@ -14,7 +14,7 @@ namespace mpc {
 namespace {
 
 // Looks per period of the fastest motion to keep; 2 would be enough for a band-limited signal.
-constexpr double kLooksPerPeriod = 2.5;
+constexpr double kLooksPerPeriod = 3;
 constexpr int kMaskSide = 128;
 constexpr double kMaxAtDistance = 0.5;  // from the person's centre, in sides of the region
 
@@ -52,7 +52,8 @@ void ClipDetectorOptions::Validate() const {
 }
 
 int DetectionStride(double fps, double cutoff_hz) {
-  return std::max(1, static_cast<int>(std::min(1e6, fps / (kLooksPerPeriod * cutoff_hz))));
+  const double frames = std::min(1e6, fps / (kLooksPerPeriod * cutoff_hz));
+  return std::max(1, static_cast<int>(std::lround(frames)));
 }
 
 ClipDetector::ClipDetector(const PoseModels& models, int width, int height, double fps,

@@ -66,6 +66,7 @@ struct Stand {
   size_t foot = 0;  // index into kFootJoints
   int begin = 0;
   int end = 0;
+  double height = 0;         // median over at_rest, along `up` from the camera
   Eigen::Matrix3Xd at_rest;  // in those frames in which the estimate rests along the ray as well
 };
 
@@ -115,7 +116,8 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
         ++end;
       }
       if (std::ssize(at_rest) >= least) {
-        stands.push_back({i, begin, end, positions(Eigen::all, at_rest)});
+        const Eigen::Matrix3Xd where = positions(Eigen::all, at_rest);
+        stands.push_back({i, begin, end, Median(up.transpose() * where), where});
       }
       begin = std::max(begin + 1, end);
     }
@@ -159,6 +161,17 @@ std::array<double, 2> FindFloor(const std::vector<Stand>& stands, const Eigen::V
   return floor;
 }
 
+// Whether a stand is on the floor. A foot is too short to have its toe on a step and its ankle on the
+// floor: one joint says it for both.
+bool OnFloor(const Stand& stand, const std::vector<Stand>& stands,
+             const std::array<double, 2>& floor) {
+  return std::any_of(stands.begin(), stands.end(), [&](const Stand& other) {
+    const bool same_foot = other.foot % 2 == stand.foot % 2;
+    const bool meanwhile = other.begin < stand.end && stand.begin < other.end;
+    return same_foot && meanwhile && std::abs(other.height - floor[other.foot / 2]) < kStep;
+  });
+}
+
 }  // namespace
 
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
@@ -171,9 +184,8 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
   const std::array<double, 2> floor = FindFloor(stands, up);
   for (const Stand& stand : stands) {
     const double own_range = Median(stand.at_rest.colwise().norm());
-    const double own_height = Median(up.transpose() * stand.at_rest);
     const double floor_height = floor[stand.foot / 2];
-    const bool on_floor = std::abs(own_height - floor_height) < kStep;
+    const bool on_floor = OnFloor(stand, stands, floor);
     for (int f = stand.begin; f < stand.end; ++f) {
       const Eigen::Vector3d ray = tracks.positions[stand.foot].col(f).normalized();
       const double slope = up.dot(ray);

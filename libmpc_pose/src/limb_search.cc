@@ -15,7 +15,7 @@ namespace mpc {
 namespace {
 
 constexpr int kNumMirrored = 3;  // of two bones
-// As is, mirrored, mirrored and fitted to the evidence, as detected.
+// As is, fitted with mirrored depths, then to the evidence from there, as detected.
 constexpr int kNumCandidates = 2 + 2 * kNumMirrored;
 // Lasting errors: evidence of this many seconds counts as one independent observation.
 constexpr double kEvidenceSeconds = 0.25;

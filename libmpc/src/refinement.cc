@@ -61,7 +61,7 @@ class Stage {
       const SegmentationOptions& segmentation =
           actor.refined ? options_.second_extraction : options_.silhouettes.segmentation;
       const Silhouette silhouette =
-          maker_.Make(actor.state, actor.vertices, model, frame, segmentation);
+          maker_.Make(actor.state, actor.vertices, model, frame, segmentation, result.silhouette);
       result.record.silhouette = internal::MakeRecord(silhouette, model, frame.truth);
       if (!actor.refined) {
         result.record.batch_true_iou = result.record.silhouette.model_true_iou;

@@ -60,7 +60,8 @@ void SilhouetteMaker::Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) con
 
 Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matrix3Xf& vertices,
                                  const cv::Mat& model, const ClipFrame& frame,
-                                 const SegmentationOptions& segmentation) const {
+                                 const SegmentationOptions& segmentation,
+                                 const cv::Mat& earlier) const {
   if (!frame.given.empty()) {
     Silhouette silhouette = SilhouetteFromMask(frame.given, frame.picture.size());
     silhouette.model_iou = MaskIou(silhouette.mask, model);
@@ -75,6 +76,7 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
       segmentation.clip_skeleton ? model : cv::Mat(model.size(), CV_8UC1, cv::Scalar(255));
   input.skeleton_mask =
       SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
+  input.earlier = earlier;
   input.background = background_;
   input.previous_from_current = frame.previous_from_current;
   input.person_probability =

@@ -34,10 +34,11 @@ class SilhouetteMaker {
   // M of a posed mesh (3xV, camera frame).
   void Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const;
 
-  // The user's mask where there is one, else cut out of the picture. `model` is M.
+  // The user's mask where there is one, else cut out of the picture. `model` is M, `earlier` the
+  // silhouette cut before, if there is one.
   Silhouette Make(const KinematicState& state, const Eigen::Matrix3Xf& vertices,
                   const cv::Mat& model, const ClipFrame& frame,
-                  const SegmentationOptions& segmentation) const;
+                  const SegmentationOptions& segmentation, const cv::Mat& earlier = {}) const;
 
  private:
   double CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const;

@@ -22,6 +22,7 @@ SegmentationOptions SegmentationOptions::Paper() {
   options.band_colours = false;
   options.coarse_to_fine = false;
   options.eight_connected = true;
+  options.keep_earlier = false;
   options.clean = false;
   return options;
 }

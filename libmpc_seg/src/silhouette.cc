@@ -87,6 +87,7 @@ void CheckFrame(const FrameInput& frame) {
                               frame.previous.cols, frame.previous.rows, size.width, size.height));
     }
   }
+  if (!frame.earlier.empty()) CheckMask(frame.earlier, size, "earlier silhouette");
   const BackgroundPlate& plate = frame.background;
   if (!plate.empty() && (plate.picture.size() != size || plate.picture.type() != CV_8UC3 ||
                          plate.spread.size() != size || plate.spread.type() != CV_8UC1)) {
@@ -187,6 +188,10 @@ class Extraction {
       }
     }
     model_ = SmallMask(Crop(frame_.model_mask, crop_), small().size());
+    actor_ = model_;
+    if (options_.keep_earlier && !frame_.earlier.empty()) {
+      actor_ = model_ | SmallMask(Crop(frame_.earlier, crop_), small().size());
+    }
   }
 
   // Trimap (Eq. 9), regions to learn from, and the log-odds that the shape of M gives.
@@ -204,6 +209,7 @@ class Extraction {
       skeleton = SmallMask(Crop(frame_.skeleton_mask, crop_), size);
       if (options_.clip_skeleton) skeleton &= model_;
     }
+    const cv::Mat1f to_actor = SignedDistance(actor_);
     trimap_.create(size, CV_8U);
     shape_.create(size);
     const auto weight = static_cast<float>(options_.weight_shape);
@@ -218,9 +224,11 @@ class Extraction {
         } else if (d[x] > 0) {
           trimap[x] = kTrimapUnknownForeground;
         } else {
-          trimap[x] = d[x] < -dilate ? kTrimapBackground : kTrimapUnknownBackground;
+          trimap[x] = to_actor(y, x) < -dilate ? kTrimapBackground : kTrimapUnknownBackground;
         }
-        shape[x] = weight * std::clamp(d[x] / (d[x] > 0 ? erode : dilate), -1.F, 1.F);
+        const bool contested = d[x] <= 0 && to_actor(y, x) > 0;
+        shape[x] =
+            contested ? 0 : weight * std::clamp(d[x] / (d[x] > 0 ? erode : dilate), -1.F, 1.F);
       }
     }
     if (options_.band_colours) {
@@ -461,6 +469,7 @@ class Extraction {
 
   // At the small size.
   cv::Mat model_;
+  cv::Mat actor_;       // M and what was cut before
   cv::Mat1f distance_;  // to the outline of M
   cv::Mat trimap_;
   cv::Mat actor_region_;

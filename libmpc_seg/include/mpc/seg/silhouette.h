@@ -42,6 +42,7 @@ struct SegmentationOptions {
   bool coarse_to_fine = true;    // cut small, refine the outline; false: the whole crop at once
   bool eight_connected = false;  // neighbours; GrabCut: true
   bool band_colours = true;      // learn from eroded M and outside the band; false: from all of M
+  bool keep_earlier = true;      // use FrameInput::earlier; ours
   bool clean = true;             // remove islands and small holes
   bool estimate_background_motion = true;  // for the motion cue; false: static camera
 
@@ -62,6 +63,9 @@ struct FrameInput {
   cv::Mat model_mask;          // M, CV_8U, nonzero inside
   cv::Mat skeleton_mask;       // R, CV_8U; empty: none
   cv::Mat person_probability;  // CV_8U (0..255) or CV_32F (0..1), such as a network's; empty: none
+  // Cut before, with another M: CV_8U, nonzero inside; empty: none. What it found beyond M's band may be
+  // clothes that move on their own, and stays undecided.
+  cv::Mat earlier;
   BackgroundPlate background;  // what is behind the actor, of the picture's size; empty: unknown
   // The background's motion where it is known, else estimated when the options say so.
   std::optional<cv::Matx33d> previous_from_current;

@@ -188,7 +188,6 @@ class Extraction {
       }
     }
     model_ = SmallMask(Crop(frame_.model_mask, crop_), small().size());
-    actor_ = model_;
     if (options_.keep_earlier && !frame_.earlier.empty()) {
       actor_ = model_ | SmallMask(Crop(frame_.earlier, crop_), small().size());
     }
@@ -209,7 +208,7 @@ class Extraction {
       skeleton = SmallMask(Crop(frame_.skeleton_mask, crop_), size);
       if (options_.clip_skeleton) skeleton &= model_;
     }
-    const cv::Mat1f to_actor = SignedDistance(actor_);
+    const cv::Mat1f to_actor = actor_.empty() ? distance_ : SignedDistance(actor_);
     trimap_.create(size, CV_8U);
     shape_.create(size);
     const auto weight = static_cast<float>(options_.weight_shape);
@@ -226,9 +225,8 @@ class Extraction {
         } else {
           trimap[x] = to_actor(y, x) < -dilate ? kTrimapBackground : kTrimapUnknownBackground;
         }
-        const bool contested = d[x] <= 0 && to_actor(y, x) > 0;
-        shape[x] =
-            contested ? 0 : weight * std::clamp(d[x] / (d[x] > 0 ? erode : dilate), -1.F, 1.F);
+        shape[x] = weight * (d[x] > 0 ? std::min(d[x] / erode, 1.F)
+                                      : std::clamp(to_actor(y, x) / dilate, -1.F, 0.F));
       }
     }
     if (options_.band_colours) {
@@ -469,7 +467,7 @@ class Extraction {
 
   // At the small size.
   cv::Mat model_;
-  cv::Mat actor_;       // M and what was cut before
+  cv::Mat actor_;       // M and what was cut before; empty: nothing was
   cv::Mat1f distance_;  // to the outline of M
   cv::Mat trimap_;
   cv::Mat actor_region_;

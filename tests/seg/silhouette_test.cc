@@ -212,6 +212,33 @@ TEST(Silhouette, MoreTrustInTheModelStaysCloserToIt) {
   EXPECT_GT(before, 0.95);
 }
 
+// A flap of cloth in the actor's colour that M knows nothing of, wider than the band.
+TEST(Silhouette, WhatAnEarlierCutFoundBeyondTheBandStays) {
+  Case c = MakeCase({}, 0);
+  cv::Mat flap(c.scene.truth.size(), CV_8U, cv::Scalar(0));
+  const std::vector<cv::Point> corners = {{125, 150}, {180, 190}, {125, 190}};
+  cv::fillConvexPoly(flap, corners, 255);
+  const cv::Scalar colour = cv::mean(c.scene.picture, c.scene.truth);
+  c.frame.picture.setTo(colour, flap);
+  const cv::Mat beyond = flap & ~c.scene.truth;
+  const auto found = [&](const SegmentationOptions& options) {
+    const Silhouette s = ExtractSilhouette(c.frame, options);
+    ExpectDefined(s, c.frame);
+    return cv::countNonZero(s.mask & beyond) / static_cast<double>(cv::countNonZero(beyond));
+  };
+  SegmentationOptions options = SegmentationOptions::AfterRefinement();
+  const double without = found(options);
+  EXPECT_LT(without, 0.6);
+  c.frame.earlier = c.scene.truth | flap;
+  EXPECT_GT(found(options), 0.95);
+  options.keep_earlier = false;
+  EXPECT_EQ(found(options), without);
+  // It is not believed where the colours speak against it.
+  cv::circle(c.frame.earlier, {40, 250}, 20, 255, cv::FILLED);
+  const Silhouette s = ExtractSilhouette(c.frame, SegmentationOptions::AfterRefinement());
+  EXPECT_EQ(s.mask.at<uint8_t>(250, 40), 0);
+}
+
 TEST(Silhouette, PersonOfTheBackgroundsColourGivesTheModel) {
   const TestSceneOptions options;
   const cv::Mat model = WrongModel(options, 0);
@@ -397,6 +424,9 @@ TEST(Silhouette, RefusesWhatDoesNotFit) {
   frame = c.frame;
   frame.model_mask = cv::Mat();
   EXPECT_MPC_ERROR(ExtractSilhouette(frame), kInvalidArgument, "model mask");
+  frame = c.frame;
+  frame.earlier = cv::Mat::zeros(10, 10, CV_8U);
+  EXPECT_MPC_ERROR(ExtractSilhouette(frame), kMismatch, "earlier silhouette");
   frame = c.frame;
   frame.person_probability = cv::Mat::zeros(10, 10, CV_32F);
   EXPECT_MPC_ERROR(ExtractSilhouette(frame), kMismatch, "person probability");

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -11,6 +12,7 @@
 #include <vector>
 
 #include "io/gltf_probe.h"
+#include "io/run_program.h"
 #include "io/temp_dir.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
@@ -18,6 +20,7 @@
 #include "mpc/io/mask_file.h"
 #include "mpc/io/trc.h"
 #include "mpc/io/video.h"
+#include "mpc/io/video_lens.h"
 #include "mpc/mpc.h"
 #include "small_clip.h"
 #include "support/expect_error.h"
@@ -370,6 +373,28 @@ TEST_F(CaptureTest, ACameraForAnotherSizeIsScaledOrRefused) {
 
   WriteCameras(inputs.camera, {testing::SmallCamera(160, 128)});
   EXPECT_MPC_ERROR(Capture(inputs, out_ / "take", QuickOptions()), kMismatch, "160 x 128");
+}
+
+// As a telephone writes it: the 35 mm equivalent of the lens in the video's metadata.
+TEST_F(CaptureTest, TheFocalLengthStartsFromTheVideosMetadata) {
+  const Camera& truth = clip_->camera;
+  const double focal_35mm =
+      std::round(truth.fx / FocalPxFrom35mm(1, SmallClip::kWidth, SmallClip::kHeight));
+  CaptureInputs inputs = clip_->inputs;
+  inputs.video = out_ / "telephone.mov";
+  const testing::ProgramResult made =
+      testing::RunProgram("ffmpeg -i " + clip_->inputs.video.string() +
+                          " -c copy -movflags use_metadata_tags -metadata "
+                          "com.apple.quicktime.camera.focal_length.35mm_equivalent=" +
+                          std::to_string(std::lround(focal_35mm)) + " " + inputs.video.string());
+  if (made.status != 0) GTEST_SKIP() << "needs ffmpeg";
+  inputs.camera.clear();
+  const CaptureReport report = Capture(inputs, out_ / "take", QuickOptions()).Run();
+  EXPECT_EQ(report.focal_35mm, focal_35mm);
+  EXPECT_NEAR(report.camera.fx, truth.fx, 0.1 * truth.fx);
+  EXPECT_LT(report.focal_uncertainty, 0.15);
+  EXPECT_EQ(ReadReport(out_ / "take")["camera"]["focal_35mm"], focal_35mm);
+  EXPECT_THAT(report.warnings, Contains(HasSubstr("the focal length was estimated")));
 }
 
 // The same clip as if the camera had turned about the person: in the camera nothing changes, in the

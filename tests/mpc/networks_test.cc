@@ -13,7 +13,9 @@
 #include "mpc/eval/metrics.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
+#include "mpc/io/gltf.h"
 #include "mpc/io/joint_truth_file.h"
+#include "mpc/io/rig_gltf.h"
 
 namespace mpc {
 namespace {
@@ -92,6 +94,24 @@ TEST_F(NetworksTest, CaptureNeedsOnlyVideoAndActor) {
   EXPECT_FALSE(report["camera"].contains("focal_35mm"));
   EXPECT_EQ(report["person_iou"]["frames"], 6);  // 0, 4, ... 16 and the last
   EXPECT_GT(report["person_iou"]["mean"], 0.6);
+}
+
+// An actor with this skeleton, but thinner than any person.
+TEST_F(NetworksTest, SaysThatTheActorDoesNotCoverThePerson) {
+  MPC_REQUIRE_MODELS();
+  RigAsset rig = ReadRigGltf(Clip("actor.glb"));
+  for (RigMesh& part : rig.meshes) {
+    part.mesh.positions.row(0) *= 0.3F;
+    part.mesh.positions.row(2) *= 0.3F;
+  }
+  WriteRigGltf(Output("thin.glb"), rig);
+  const testing::ProgramResult run =
+      RunProgram(kCommand + "capture " + Clip("clip.mp4").string() + " --actor " +
+                 Output("thin.glb").string() + " --camera " + Clip("camera.json").string() +
+                 " --detect-every 8 --no-masks --no-overlay --quiet -o " + Output("thin").string());
+  ASSERT_EQ(run.status, 0) << run.output;
+  EXPECT_NE(run.output.find("warning: the posed actor covers the person badly"), std::string::npos)
+      << run.output;
 }
 
 // Without the networks the message says what to do.

@@ -117,8 +117,8 @@ TEST(DetectClipDataTest, JointsAgreeWithOpenPoses) {
     cv::Mat picture;
     for (int f = 0; f < 25 && video.Read(&picture); ++f) detector.Add(picture);
     const ClipDetections found = detector.Finish();
-    EXPECT_EQ(found.every, 4);
-    EXPECT_EQ(found.num_looks, 7);
+    EXPECT_EQ(found.every, 3);
+    EXPECT_EQ(found.num_looks, 9);
     EXPECT_EQ(found.num_seen, found.num_looks);
     ASSERT_EQ(found.detections2d.frames.size(), 25u);
     found.detections2d.Validate();

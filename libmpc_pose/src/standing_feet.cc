@@ -23,12 +23,24 @@ constexpr double kStep = 0.15;             // m; stands that differ less in heig
 constexpr double kFloorError = 0.015;      // m in height of a standing joint over the floor
 constexpr double kGuessedFloorError = 0.05;  // the same where nothing but people says where up is
 constexpr double kOwnError = 0.1;            // m along the ray of a stand on its own
-constexpr double kReach = 0.05;              // m across the ray from where it began to stand
+constexpr double kRunaway = 0.15;  // m along the ray from where most estimates of a stand lie
+constexpr double kReach = 0.05;    // m across the ray from where it began to stand
 
 double Median(Eigen::VectorXd values) {
   const auto middle = values.begin() + values.size() / 2;
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
+}
+
+// Where most of the values lie: a limb that runs away for a part of the time does not move it.
+double Middle(const Eigen::VectorXd& values) {
+  double middle = Median(values);
+  for (int i = 0; i < 10; ++i) {
+    const Eigen::ArrayXd weights =
+        (1 + ((values.array() - middle) / kRunaway).square()).square().inverse();
+    middle = (weights * values.array()).sum() / weights.sum();
+  }
+  return middle;
 }
 
 // How far b lies from a across the ray to a.
@@ -66,8 +78,7 @@ struct Stand {
   size_t foot = 0;  // index into kFootJoints
   int begin = 0;
   int end = 0;
-  double height = 0;         // median over at_rest, along `up` from the camera
-  Eigen::Matrix3Xd at_rest;  // in those frames in which the estimate rests along the ray as well
+  double range_m = 0;  // as the estimates of its frames say
 };
 
 // How a joint moves around a frame, m/s.
@@ -109,15 +120,16 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
     }
     for (int begin = 0; begin < num_frames;) {
       int end = begin;
-      std::vector<int> at_rest;
-      while (end < num_frames && rests_across[end] &&
-             Across(positions.col(begin), positions.col(end)) <= kReach) {
-        if (rests_along[end]) at_rest.push_back(end);
-        ++end;
+      int num_resting = 0;
+      for (; end < num_frames && rests_across[end] &&
+             Across(positions.col(begin), positions.col(end)) <= kReach;
+           ++end) {
+        num_resting += rests_along[end] ? 1 : 0;
       }
-      if (std::ssize(at_rest) >= least) {
-        const Eigen::Matrix3Xd where = positions(Eigen::all, at_rest);
-        stands.push_back({i, begin, end, Median(up.transpose() * where), where});
+      if (num_resting >= least) {
+        const Eigen::VectorXd ranges =
+            positions.middleCols(begin, end - begin).colwise().norm().transpose();
+        stands.push_back({i, begin, end, Middle(ranges)});
       }
       begin = std::max(begin + 1, end);
     }
@@ -145,30 +157,51 @@ UpDirection EstimateUp(const Camera& camera, const FootTracks& tracks) {
   return {camera_from_world * axis, kFloorError};
 }
 
-// Heights of the floor, as ankles and as toes have them, along `up` from the camera.
-std::array<double, 2> FindFloor(const std::vector<Stand>& stands, const Eigen::Vector3d& up) {
-  std::array<std::vector<double>, 2> heights;
+// Of a stand in one of its frames, along `up` from the camera.
+double HeightAt(const FootTracks& tracks, const Stand& stand, const Eigen::Vector3d& up, int f) {
+  return stand.range_m * up.dot(tracks.positions[stand.foot].col(f).normalized());
+}
+
+// How much higher an ankle is than the toe of a foot that stands flat, as at rest; 0 for toes.
+std::array<double, 2> HeightsOverToes(const Skeleton& skeleton) {
+  KinematicState state;
+  ForwardKinematics(skeleton, Eigen::VectorXd::Zero(skeleton.num_dofs()), &state);
+  const Eigen::Vector3d up = StandingDirection(skeleton, state);
+  double sum = 0;
+  int num_feet = 0;
+  for (size_t ankle = 0; ankle < 2; ++ankle) {
+    const int a = skeleton.FindJointIndex(kFootJoints[ankle]);
+    const int t = skeleton.FindJointIndex(kFootJoints[ankle + 2]);
+    if (a < 0 || t < 0) continue;
+    sum += up.dot(state.joints.col(a) - state.joints.col(t));
+    ++num_feet;
+  }
+  return {num_feet > 0 ? sum / num_feet : 0, 0};
+}
+
+// Heights of ankles and toes that stand on the one floor of the clip.
+std::array<double, 2> FindFloor(const FootTracks& tracks, const std::vector<Stand>& stands,
+                                const std::array<double, 2>& over_toes, const Eigen::Vector3d& up) {
+  std::vector<double> heights;
   for (const Stand& stand : stands) {
-    const Eigen::RowVectorXd more = up.transpose() * stand.at_rest;
-    std::vector<double>& all = heights[stand.foot / 2];
-    all.insert(all.end(), more.begin(), more.end());
+    for (int f = stand.begin; f < stand.end; ++f) {
+      heights.push_back(HeightAt(tracks, stand, up, f) - over_toes[stand.foot / 2]);
+    }
   }
-  std::array<double, 2> floor{};
-  for (size_t kind = 0; kind < floor.size(); ++kind) {
-    if (heights[kind].empty()) continue;
-    floor[kind] = Median(Eigen::VectorXd::Map(heights[kind].data(), std::ssize(heights[kind])));
-  }
-  return floor;
+  if (heights.empty()) return {};
+  const double toes = Median(Eigen::VectorXd::Map(heights.data(), std::ssize(heights)));
+  return {toes + over_toes[0], toes + over_toes[1]};
 }
 
 // Whether a stand is on the floor. A foot is too short to have its toe on a step and its ankle on the
 // floor: one joint says it for both.
-bool OnFloor(const Stand& stand, const std::vector<Stand>& stands,
-             const std::array<double, 2>& floor) {
+bool OnFloor(const FootTracks& tracks, const Stand& stand, const std::vector<Stand>& stands,
+             const Eigen::Vector3d& up, const std::array<double, 2>& floor) {
   return std::any_of(stands.begin(), stands.end(), [&](const Stand& other) {
     const bool same_foot = other.foot % 2 == stand.foot % 2;
     const bool meanwhile = other.begin < stand.end && stand.begin < other.end;
-    return same_foot && meanwhile && std::abs(other.height - floor[other.foot / 2]) < kStep;
+    const double height = HeightAt(tracks, other, up, (other.begin + other.end) / 2);
+    return same_foot && meanwhile && std::abs(height - floor[other.foot / 2]) < kStep;
   });
 }
 
@@ -181,18 +214,18 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
   const auto [up, floor_error] = EstimateUp(evidence.camera(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
-  const std::array<double, 2> floor = FindFloor(stands, up);
+  const std::array<double, 2> floor =
+      FindFloor(tracks, stands, HeightsOverToes(evidence.skeleton()), up);
   for (const Stand& stand : stands) {
-    const double own_range = Median(stand.at_rest.colwise().norm());
     const double floor_height = floor[stand.foot / 2];
-    const bool on_floor = OnFloor(stand, stands, floor);
+    const bool on_floor = OnFloor(tracks, stand, stands, up, floor);
     for (int f = stand.begin; f < stand.end; ++f) {
       const Eigen::Vector3d ray = tracks.positions[stand.foot].col(f).normalized();
       const double slope = up.dot(ray);
-      double range_m = own_range;
+      double range_m = stand.range_m;
       if (on_floor && slope < 0) {
         const double trust = std::pow(slope * kOwnError / floor_error, 2);
-        range_m = (own_range + trust * floor_height / slope) / (1 + trust);
+        range_m = (stand.range_m + trust * floor_height / slope) / (1 + trust);
       }
       (*observations)[f].standing.push_back({tracks.joints[stand.foot], ray, range_m, 1});
     }

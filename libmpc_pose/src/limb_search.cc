@@ -129,11 +129,8 @@ class LimbFitter {
     KinematicState state;
     ForwardKinematics(limb.skeleton, start, &state);
     for (int mask = 1; mask <= kNumMirrored; ++mask) {
-      FrameProblem mirrored;
+      FrameProblem mirrored = narrow;
       mirrored.bone_vectors = MirroredBones(limb, narrow, state.joints, camera_from_ray_, mask);
-      mirrored.reprojection = narrow.reprojection;
-      mirrored.standing = narrow.standing;
-      mirrored.rest_prior = narrow.rest_prior;
       Eigen::VectorXd pose = start;
       SolveFrame(limb.skeleton, mirrored, options_, &pose, &scratch_);
       candidates[mask] = Evaluated(limb, narrow, pose);

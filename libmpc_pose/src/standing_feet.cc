@@ -200,8 +200,9 @@ bool OnFloor(const FootTracks& tracks, const Stand& stand, const std::vector<Sta
   return std::any_of(stands.begin(), stands.end(), [&](const Stand& other) {
     const bool same_foot = other.foot % 2 == stand.foot % 2;
     const bool meanwhile = other.begin < stand.end && stand.begin < other.end;
+    if (!same_foot || !meanwhile) return false;
     const double height = HeightAt(tracks, other, up, (other.begin + other.end) / 2);
-    return same_foot && meanwhile && std::abs(height - floor[other.foot / 2]) < kStep;
+    return std::abs(height - floor[other.foot / 2]) < kStep;
   });
 }
 

@@ -188,9 +188,6 @@ class Extraction {
       }
     }
     model_ = SmallMask(Crop(frame_.model_mask, crop_), small().size());
-    if (options_.keep_earlier && !frame_.earlier.empty()) {
-      actor_ = model_ | SmallMask(Crop(frame_.earlier, crop_), small().size());
-    }
   }
 
   // Trimap (Eq. 9), regions to learn from, and the log-odds that the shape of M gives.
@@ -208,7 +205,10 @@ class Extraction {
       skeleton = SmallMask(Crop(frame_.skeleton_mask, crop_), size);
       if (options_.clip_skeleton) skeleton &= model_;
     }
-    const cv::Mat1f to_actor = actor_.empty() ? distance_ : SignedDistance(actor_);
+    cv::Mat1f to_actor = distance_;  // to the outline of M and what was cut before
+    if (options_.keep_earlier && !frame_.earlier.empty()) {
+      to_actor = SignedDistance(model_ | SmallMask(Crop(frame_.earlier, crop_), size));
+    }
     trimap_.create(size, CV_8U);
     shape_.create(size);
     const auto weight = static_cast<float>(options_.weight_shape);
@@ -467,7 +467,6 @@ class Extraction {
 
   // At the small size.
   cv::Mat model_;
-  cv::Mat actor_;       // M and what was cut before; empty: nothing was
   cv::Mat1f distance_;  // to the outline of M
   cv::Mat trimap_;
   cv::Mat actor_region_;

@@ -70,6 +70,7 @@ TEST(PersonRegion, PasteUndoesCrop) {
 
 TEST(DetectionStride, FollowsTheBandLimit) {
   EXPECT_EQ(DetectionStride(30, 6), 2);
+  EXPECT_EQ(DetectionStride(30, 4), 3);
   EXPECT_EQ(DetectionStride(60, 4), 5);
   EXPECT_EQ(DetectionStride(5, 4), 1);
   EXPECT_EQ(DetectionStride(240, 4), 20);

@@ -3,10 +3,11 @@
 // stays in whichever it was started in.
 // Source: ours (docs/pose.md, "Depth hypotheses"); off in the paper preset.
 //
-// Per frame and limb the candidates are: the limb as it is, its upper, lower or both bones mirrored
-// along the viewing ray (just so, and fitted to the frame's evidence from there), and the limb as
-// detected and fitted; the torso is held. One path through the candidates is chosen over all
-// frames by dynamic programming: evidence, joint limits and rest prior per frame, continuity of the limb between frames.
+// Per frame and limb the candidates are: the limb as it is; its upper, lower or both bones mirrored
+// along the viewing ray, fitted to the 2D points with depths so mirrored and to the frame's evidence
+// from there; and the limb as detected and fitted. The torso is held. One path through the candidates
+// is chosen over all frames by dynamic programming: evidence, joint limits and rest prior per frame,
+// continuity of the limb between frames.
 // Symbols: N dofs, F frames.
 #pragma once
 

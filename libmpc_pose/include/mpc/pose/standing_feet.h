@@ -15,8 +15,8 @@ namespace mpc {
 
 // Sets FrameObservation::standing of the F observations to the ankles and toes that stand in
 // `poses` (N x F) and that the frame sees in 2D: where the ray meets the floor under all stands of
-// the clip, and at the median of its own ranges, each by its uncertainty; at the latter alone when it
-// stands more than a step above or below that floor.
+// the clip, and where most of its own ranges lie, each by its uncertainty; at the latter alone when
+// its foot stands more than a step above or below that floor.
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations);
 

@@ -76,6 +76,27 @@ TEST(StandingFeetTest, AFootThatStoodGoesOnStandingUntilItIsSeenToMove) {
   EXPECT_NEAR(found->range_m, state.joints.col(ankle).norm(), 0.03);
 }
 
+// An estimate whose left foot points up, toe as high as a step, on an ankle that stands on the floor.
+TEST(StandingFeetTest, AToeStandsOnTheFloorOfItsAnkle) {
+  const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
+  const int toe = clip.skeleton.FindJointIndex(JointId::kLeftToe);
+  const auto& hinges = clip.skeleton.hinges;
+  const auto bends = std::find_if(hinges.begin(), hinges.end(), [&](const auto& hinge) {
+    return hinge.segment == clip.skeleton.joints[toe].segment;
+  });
+  ASSERT_NE(bends, hinges.end());
+  Eigen::MatrixXd poses = clip.poses;
+  poses.row(6 + (bends - hinges.begin())).array() += 1.2;
+  const std::vector<FrameObservation> observations = Stands(clip, poses);
+  const std::vector<StandingJoint>& standing = observations[0].standing;
+  const auto found = std::find_if(standing.begin(), standing.end(),
+                                  [&](const StandingJoint& joint) { return joint.joint == toe; });
+  ASSERT_NE(found, standing.end());
+  KinematicState state;
+  ForwardKinematics(clip.skeleton, poses.col(0), &state);
+  EXPECT_GT(found->range_m, state.joints.col(toe).norm() + 0.02);
+}
+
 TEST(StandingFeetTest, AWalkersFeetStandByTurns) {
   const SyntheticClip clip = MakeClip(MotionKind::kWalk, kFrames, kFps, {}, 1);
   const std::vector<FrameObservation> observations = Stands(clip, clip.poses);

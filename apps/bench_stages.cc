@@ -26,7 +26,8 @@ class ProcessorWatch {
 
 mpc::ClipEvidence Evidence(const BenchClip& clip, const mpc::PoseOptions& options) {
   return {clip.character.skeleton, clip.camera, clip.detections2d,
-          &clip.detections3d,      clip.fps,    options};
+          &clip.detections3d,      clip.fps,    options,
+          clip.truth.motion};
 }
 
 mpc::Character Scaled(const BenchClip& clip, const mpc::Proportions& proportions) {
@@ -62,7 +63,7 @@ StageOutput RunPose(const BenchClip& clip, const StageOutputs&) {
   const ProcessorWatch watch;
   const mpc::PoseTrack track =
       mpc::EstimatePoses(clip.character.skeleton, clip.camera, clip.detections2d,
-                         &clip.detections3d, clip.fps, mpc::PoseOptions{});
+                         &clip.detections3d, clip.fps, mpc::PoseOptions{}, clip.truth.motion);
   StageOutput output;
   output.seconds = watch.Seconds();
   output.poses = track.poses;

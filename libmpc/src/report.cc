@@ -74,6 +74,7 @@ Json PoseOptionsJson(const PoseOptions& options) {
           {"pck_threshold", options.pck_threshold},
           {"test_depth_flips", options.test_depth_flips},
           {"hold_standing_feet", options.hold_standing_feet},
+          {"lasting_discount", options.lasting_discount},
           {"weight_rest", options.weight_rest},
           {"fit_proportions", options.fit_proportions}};
 }

@@ -28,7 +28,8 @@ constexpr double kFollowed = 1.35;
 constexpr double kMinFpsForWhite = 15;  // below it lasting errors change from frame to frame too
 constexpr double kMinError3dMm = 20;
 constexpr double kMaxError3dMm = 100;
-constexpr double kAllOrNothing = 0.1;  // shares of white errors this near to 0 or 1 are that
+constexpr double kLastingError3dMm = 60;  // from here on they are discounted wholly
+constexpr double kAllOrNothing = 0.1;     // shares of white errors this near to 0 or 1 are that
 constexpr double kWhiteRestDiscount = 0.85;
 constexpr int kErrorFrames = 60;  // frames the 3D detections' error is measured on
 constexpr double kNoPck = 1e3;    // PCK of a frame that cannot be compared
@@ -179,8 +180,10 @@ ChainedJoints ChainJoints(int num_joints, const std::vector<EvidenceBone>& bones
 
 ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
                            const Detections2d& detections2d, const Detections3d* detections3d,
-                           double fps, const PoseOptions& options)
+                           double fps, const PoseOptions& options,
+                           std::span<const CameraFromWorld> camera_motion)
     : camera_(camera),
+      camera_motion_(camera_motion.begin(), camera_motion.end()),
       detections2d_(std::make_shared<Detections2d>(detections2d)),
       fps_(fps),
       options_(options),
@@ -525,6 +528,17 @@ void ClipEvidence::MeasureError2d(const std::vector<FrameObservation>& observati
                  kMinError2dMm, kError2dMm);
 }
 
+// What errs for seconds errs alike in all their frames, while errors of the 2D detections average out:
+// what is left of the weight is for which way limbs point, and that is settled.
+void ClipEvidence::DiscountLasting() {
+  if (detections3d_ == nullptr) return;
+  const double share =
+      std::clamp((error_3d_mm_ - kMinError3dMm) / (kLastingError3dMm - kMinError3dMm), 0.0, 1.0);
+  const double error_gain = 1 + share * (options_.lasting_discount - 1);
+  lasting_weight_ = 1 / (error_gain * error_gain);
+  rest_weights_ /= options_.lasting_discount;
+}
+
 FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, double depth_m,
                                        double loss_width, const Eigen::VectorXd& rest,
                                        const Eigen::Matrix3Xd* joints) const {
@@ -548,9 +562,9 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     const double white_share = joints != nullptr && pelvis >= 0 ? white_share_ : 0;
     for (size_t i = 0; white_share < 1 && i < observation.bone.size(); ++i) {
       const EvidenceBone& bone = bones_[observation.bone[i]];
-      vectors.push_back(
-          {bone.a, bone.b, observation.bone_vector[i],
-           (1 - white_share) * mean * bone.gain * bone.gain * observation.bone_confidence[i]});
+      vectors.push_back({bone.a, bone.b, observation.bone_vector[i],
+                         lasting_weight_ * (1 - white_share) * mean * bone.gain * bone.gain *
+                             observation.bone_confidence[i]});
     }
     BoneVectorWeights weights;
     weights.across = kError2dMm / error_3d_mm_;

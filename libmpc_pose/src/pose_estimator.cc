@@ -141,12 +141,19 @@ const char* TrackStateName(TrackState state) {
 
 PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
                         const Detections2d& detections2d, const Detections3d* detections3d,
-                        double fps, const PoseOptions& options, const ProgressCallback& progress) {
+                        double fps, const PoseOptions& options,
+                        std::span<const CameraFromWorld> camera_motion,
+                        const ProgressCallback& progress) {
   CheckInputs(skeleton, camera, detections2d, detections3d, fps, options);
+  if (!camera_motion.empty() && camera_motion.size() != detections2d.frames.size()) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("the moving camera has {} places for {} frames", camera_motion.size(),
+                            detections2d.frames.size()));
+  }
   PoseTrack track;
 
   Stopwatch initialization_watch;
-  ClipEvidence evidence(skeleton, camera, detections2d, detections3d, fps, options);
+  ClipEvidence evidence(skeleton, camera, detections2d, detections3d, fps, options, camera_motion);
   FrameInitialization initialization = InitializeFrames(evidence, progress);
   track.seconds_initialization = initialization_watch.Seconds();
   track.cancelled = initialization.cancelled;
@@ -183,9 +190,10 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
       FindStandingFeet(evidence, track.poses, &initialization.observations);
     }
     if (round > 0 && options.test_depth_flips) ChooseLimbs(evidence, initialization, &track.poses);
+    const bool last_round = round + 1 == num_rounds;
+    if (round > 0 && last_round) evidence.DiscountLasting();
     BatchSolveOptions rough_solver = options.batch_solver;
     rough_solver.relative_tolerance *= kRoughTolerance;
-    const bool last_round = round + 1 == num_rounds;
     const double max_adaptations = options.adaptive_band && last_round ? kMaxAdaptations : 0;
     std::vector<Eigen::MatrixXd> solved(windows.size());
     // Groups of a few windows keep the threads busy and let the callback stop between them.

@@ -25,6 +25,7 @@ PoseOptions PoseOptions::Paper() {
   options.robust_3d = 0;
   options.test_depth_flips = false;
   options.hold_standing_feet = false;
+  options.lasting_discount = 1;
   options.weight_rest = 0;
   options.fit_proportions = false;
   return options;
@@ -58,6 +59,8 @@ void PoseOptions::Validate() const {
   non_negative(robust_2d, "robust_2d");
   non_negative(robust_3d, "robust_3d");
   non_negative(pck_threshold, "pck_threshold");
+  require(lasting_discount >= 1 && lasting_discount <= 100,
+          fmt::format("lasting_discount is {}, not in [1, 100]", lasting_discount));
   non_negative(weight_rest, "weight_rest");
   if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "invalid pose options: " + faults);
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "mpc/core/units.h"
 #include "mpc/skeleton/world.h"
@@ -17,6 +18,7 @@ constexpr double kFloorSpeed = 0.3;        // m/s straight along the floor that 
 constexpr double kAlongSpeed = 0.4;        // m/s along the ray, as estimated
 constexpr double kSpeedSeconds = 0.3;      // over which it is taken
 constexpr double kLeastSeconds = 0.25;     // that a foot stands and its estimate rests
+constexpr double kFloorSeconds = 0.4;      // that it stands on the floor whatever its estimate does
 constexpr double kMaxTilt = 60 * kDegree;  // of an upright person from the picture's up
 constexpr double kUprightShare = 0.1;      // of the frames that say where up is
 constexpr double kStep = 0.15;             // m; stands that differ less in height are on one floor
@@ -43,32 +45,39 @@ double Middle(const Eigen::VectorXd& values) {
   return middle;
 }
 
-// How far b lies from a across the ray to a.
-double Across(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
-  return (b - a).cross(a.normalized()).norm();
-}
-
-// Ankles and toes of a clip, camera frame.
+// Ankles and toes of a clip, and the camera, in the base.
 struct FootTracks {
   std::array<int, kFootJoints.size()> joints{};  // of the skeleton, -1: it has none
   std::array<Eigen::Matrix3Xd, kFootJoints.size()> positions;
+  std::vector<Rigid<WorldFrame, CameraFrame>> base_from_camera;
   std::vector<Eigen::Vector3d> upright;  // standing directions of upright frames
+
+  // From the camera to the joint.
+  Eigen::Vector3d Sight(size_t foot, int f) const {
+    return positions[foot].col(f) - base_from_camera[f].translation;
+  }
 };
 
-FootTracks TrackFeet(const Skeleton& skeleton, const Eigen::MatrixXd& poses) {
+FootTracks TrackFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses) {
+  const Skeleton& skeleton = evidence.skeleton();
   FootTracks tracks;
+  tracks.base_from_camera =
+      BaseFromCamera(evidence.camera(), evidence.camera_motion(), poses.cols());
   for (size_t i = 0; i < kFootJoints.size(); ++i) {
     tracks.joints[i] = skeleton.FindJointIndex(kFootJoints[i]);
     tracks.positions[i] = Eigen::Matrix3Xd::Zero(3, poses.cols());
   }
   KinematicState state;
   for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    const auto& base_from_camera = tracks.base_from_camera[f];
     ForwardKinematics(skeleton, poses.col(f), &state);
     for (size_t i = 0; i < kFootJoints.size(); ++i) {
-      if (tracks.joints[i] >= 0) tracks.positions[i].col(f) = state.joints.col(tracks.joints[i]);
+      if (tracks.joints[i] < 0) continue;
+      tracks.positions[i].col(f) =
+          base_from_camera * Eigen::Vector3d(state.joints.col(tracks.joints[i]));
     }
     const Eigen::Vector3d up = StandingDirection(skeleton, state);
-    if (-up.y() > std::cos(kMaxTilt)) tracks.upright.push_back(up);
+    if (-up.y() > std::cos(kMaxTilt)) tracks.upright.push_back(base_from_camera.rotation * up);
   }
   return tracks;
 }
@@ -78,7 +87,8 @@ struct Stand {
   size_t foot = 0;  // index into kFootJoints
   int begin = 0;
   int end = 0;
-  double range_m = 0;  // as the estimates of its frames say
+  Eigen::VectorXd ranges_m;  // of its frames, as their estimates together say
+  bool rests = true;         // the estimate says so; else only the picture does
 };
 
 // How a joint moves around a frame, m/s.
@@ -88,15 +98,35 @@ struct Speed {
 };
 
 // Of the line that fits the joint's positions around frame f best.
-Speed SpeedAt(const Eigen::Matrix3Xd& positions, int f, double fps) {
+Speed SpeedAt(const FootTracks& tracks, size_t foot, int f, double fps) {
+  const Eigen::Matrix3Xd& positions = tracks.positions[foot];
   const int reach = std::max(1, static_cast<int>(std::lround(0.5 * kSpeedSeconds * fps)));
   const int before = std::max(0, f - reach);
   const int count = std::min(static_cast<int>(positions.cols()), f + reach + 1) - before;
   const Eigen::VectorXd time =
       Eigen::VectorXd::LinSpaced(count, -0.5 * (count - 1), 0.5 * (count - 1)) / fps;
   const Eigen::Vector3d moved = positions.middleCols(before, count) * time / time.squaredNorm();
-  const Eigen::Vector3d ray = positions.col(f).normalized();
+  const Eigen::Vector3d ray = tracks.Sight(foot, f).normalized();
   return {moved.cross(ray).norm(), std::abs(moved.dot(ray))};
+}
+
+// How far the joint in frame f lies from the ray to it in frame `begin`.
+double Across(const FootTracks& tracks, size_t foot, int begin, int f) {
+  const Eigen::Vector3d moved = tracks.positions[foot].col(f) - tracks.positions[foot].col(begin);
+  return moved.cross(tracks.Sight(foot, begin).normalized()).norm();
+}
+
+// Ranges of the frames [begin, end) that have the joint in one place, but for a moving camera.
+Eigen::VectorXd RangesOfStand(const FootTracks& tracks, size_t foot, int begin, int end) {
+  const Eigen::Vector3d place =
+      tracks.positions[foot].middleCols(begin, end - begin).rowwise().mean();
+  Eigen::VectorXd ranges(end - begin);
+  Eigen::VectorXd place_ranges(end - begin);
+  for (int f = begin; f < end; ++f) {
+    ranges[f - begin] = tracks.Sight(foot, f).norm();
+    place_ranges[f - begin] = (place - tracks.base_from_camera[f].translation).norm();
+  }
+  return place_ranges.array() + Middle(ranges - place_ranges);
 }
 
 std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& up, double fps,
@@ -105,7 +135,6 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
   const int least = std::max(3, static_cast<int>(std::lround(kLeastSeconds * fps)));
   std::vector<Stand> stands;
   for (size_t i = 0; i < kFootJoints.size(); ++i) {
-    const Eigen::Matrix3Xd& positions = tracks.positions[i];
     std::vector<bool> rests_across;
     std::vector<bool> rests_along;
     for (int f = 0; f < num_frames; ++f) {
@@ -113,23 +142,21 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
       const bool seen = std::any_of(points.begin(), points.end(), [&](const Observation2d& point) {
         return point.joint == tracks.joints[i];
       });
-      const Speed speed = SpeedAt(positions, f, fps);
-      const double slope = std::abs(up.dot(positions.col(f).normalized()));
+      const Speed speed = SpeedAt(tracks, i, f, fps);
+      const double slope = std::abs(up.dot(tracks.Sight(i, f).normalized()));
       rests_across.push_back(seen && speed.across <= std::min(kSpeed, kFloorSpeed * slope));
       rests_along.push_back(speed.along <= kAlongSpeed);
     }
     for (int begin = 0; begin < num_frames;) {
       int end = begin;
       int num_resting = 0;
-      for (; end < num_frames && rests_across[end] &&
-             Across(positions.col(begin), positions.col(end)) <= kReach;
+      for (; end < num_frames && rests_across[end] && Across(tracks, i, begin, end) <= kReach;
            ++end) {
         num_resting += rests_along[end] ? 1 : 0;
       }
-      if (num_resting >= least) {
-        const Eigen::VectorXd ranges =
-            positions.middleCols(begin, end - begin).colwise().norm().transpose();
-        stands.push_back({i, begin, end, Middle(ranges)});
+      const bool rests = num_resting >= least;
+      if (rests || end - begin >= kFloorSeconds * fps) {
+        stands.push_back({i, begin, end, RangesOfStand(tracks, i, begin, end), rests});
       }
       begin = std::max(begin + 1, end);
     }
@@ -138,28 +165,27 @@ std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& u
 }
 
 struct UpDirection {
-  Eigen::Vector3d in_camera = Eigen::Vector3d::Zero();  // unit; zero when hardly anybody is upright
+  Eigen::Vector3d in_base = Eigen::Vector3d::Zero();  // unit; zero when hardly anybody is upright
   double floor_error = kGuessedFloorError;
 };
 
 // Up is the world's axis nearest to how people stand, else how they stand.
-UpDirection EstimateUp(const Camera& camera, const FootTracks& tracks) {
+UpDirection EstimateUp(bool has_world, const FootTracks& tracks) {
   UpDirection up;
   const auto num_frames = static_cast<double>(tracks.positions[0].cols());
   if (static_cast<double>(tracks.upright.size()) < kUprightShare * num_frames) return up;
-  for (const Eigen::Vector3d& direction : tracks.upright) up.in_camera += direction;
-  up.in_camera.normalize();
-  if (!camera.has_extrinsics) return up;
-  const Eigen::Matrix3d& camera_from_world = camera.camera_from_world.rotation;
-  const Eigen::Vector3d standing = camera_from_world.transpose() * up.in_camera;
-  const Eigen::Vector3d axis = SnappedToAxis(standing);
-  if (axis == standing) return up;
-  return {camera_from_world * axis, kFloorError};
+  for (const Eigen::Vector3d& direction : tracks.upright) up.in_base += direction;
+  up.in_base.normalize();
+  if (!has_world) return up;
+  const Eigen::Vector3d axis = SnappedToAxis(up.in_base);
+  if (axis == up.in_base) return up;
+  return {axis, kFloorError};
 }
 
-// Of a stand in one of its frames, along `up` from the camera.
+// Of a stand in one of its frames, along `up` in the base.
 double HeightAt(const FootTracks& tracks, const Stand& stand, const Eigen::Vector3d& up, int f) {
-  return stand.range_m * up.dot(tracks.positions[stand.foot].col(f).normalized());
+  return up.dot(tracks.base_from_camera[f].translation +
+                stand.ranges_m[f - stand.begin] * tracks.Sight(stand.foot, f).normalized());
 }
 
 // How much higher an ankle is than the toe of a foot that stands flat, as at rest; 0 for toes.
@@ -179,18 +205,21 @@ std::array<double, 2> HeightsOverToes(const Skeleton& skeleton) {
   return {num_feet > 0 ? sum / num_feet : 0, 0};
 }
 
-// Heights of ankles and toes that stand on the one floor of the clip.
-std::array<double, 2> FindFloor(const FootTracks& tracks, const std::vector<Stand>& stands,
-                                const std::array<double, 2>& over_toes, const Eigen::Vector3d& up) {
+// Heights of ankles and toes that stand on the one floor of the clip; nullopt when nothing rests.
+std::optional<std::array<double, 2>> FindFloor(const FootTracks& tracks,
+                                               const std::vector<Stand>& stands,
+                                               const std::array<double, 2>& over_toes,
+                                               const Eigen::Vector3d& up) {
   std::vector<double> heights;
   for (const Stand& stand : stands) {
+    if (!stand.rests) continue;
     for (int f = stand.begin; f < stand.end; ++f) {
       heights.push_back(HeightAt(tracks, stand, up, f) - over_toes[stand.foot / 2]);
     }
   }
-  if (heights.empty()) return {};
+  if (heights.empty()) return std::nullopt;
   const double toes = Median(Eigen::VectorXd::Map(heights.data(), std::ssize(heights)));
-  return {toes + over_toes[0], toes + over_toes[1]};
+  return std::array{toes + over_toes[0], toes + over_toes[1]};
 }
 
 // Whether a stand is on the floor. A foot is too short to have its toe on a step and its ankle on the
@@ -211,24 +240,29 @@ bool OnFloor(const FootTracks& tracks, const Stand& stand, const std::vector<Sta
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations) {
   for (FrameObservation& observation : *observations) observation.standing.clear();
-  const FootTracks tracks = TrackFeet(evidence.skeleton(), poses);
-  const auto [up, floor_error] = EstimateUp(evidence.camera(), tracks);
+  const FootTracks tracks = TrackFeet(evidence, poses);
+  const bool has_world = evidence.camera().has_extrinsics || !evidence.camera_motion().empty();
+  const auto [up, floor_error] = EstimateUp(has_world, tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
-  const std::array<double, 2> floor =
+  const std::optional<std::array<double, 2>> floor =
       FindFloor(tracks, stands, HeightsOverToes(evidence.skeleton()), up);
+  if (!floor) return;
   for (const Stand& stand : stands) {
-    const double floor_height = floor[stand.foot / 2];
-    const bool on_floor = OnFloor(tracks, stand, stands, up, floor);
+    const bool on_floor = OnFloor(tracks, stand, stands, up, *floor);
+    if (!stand.rests && !on_floor) continue;
     for (int f = stand.begin; f < stand.end; ++f) {
-      const Eigen::Vector3d ray = tracks.positions[stand.foot].col(f).normalized();
+      const Rigid<WorldFrame, CameraFrame>& base_from_camera = tracks.base_from_camera[f];
+      const Eigen::Vector3d ray = tracks.Sight(stand.foot, f).normalized();
       const double slope = up.dot(ray);
-      double range_m = stand.range_m;
+      double range_m = stand.ranges_m[f - stand.begin];
       if (on_floor && slope < 0) {
+        const double below = (*floor)[stand.foot / 2] - up.dot(base_from_camera.translation);
         const double trust = std::pow(slope * kOwnError / floor_error, 2);
-        range_m = (stand.range_m + trust * floor_height / slope) / (1 + trust);
+        range_m = (range_m + trust * below / slope) / (1 + trust);
       }
-      (*observations)[f].standing.push_back({tracks.joints[stand.foot], ray, range_m, 1});
+      (*observations)[f].standing.push_back(
+          {tracks.joints[stand.foot], base_from_camera.rotation.transpose() * ray, range_m, 1});
     }
   }
 }

@@ -42,23 +42,7 @@ Vector3d MedianDirection(const std::vector<Vector3d>& directions) {
   return median.normalized();
 }
 
-// Where the camera is in each frame: in the world when that is known, else nowhere (identity).
-class Base {
- public:
-  Base(const Camera& camera, std::span<const CameraFromWorld> motion) {
-    for (const CameraFromWorld& place : motion) base_from_camera_.push_back(place.Inverse());
-    if (motion.empty() && camera.has_extrinsics) {
-      base_from_camera_.push_back(camera.camera_from_world.Inverse());
-    }
-    if (base_from_camera_.empty()) base_from_camera_.emplace_back();
-  }
-  const Rigid<WorldFrame, CameraFrame>& operator[](Eigen::Index f) const {
-    return base_from_camera_[base_from_camera_.size() == 1 ? 0 : static_cast<size_t>(f)];
-  }
-
- private:
-  std::vector<Rigid<WorldFrame, CameraFrame>> base_from_camera_;
-};
+using Base = std::vector<Rigid<WorldFrame, CameraFrame>>;  // from the camera, per frame
 
 // Up as the person shows it, in the base.
 Vector3d EstimateUp(const Character& character, const Eigen::MatrixXd& poses, const Base& base,
@@ -129,6 +113,18 @@ double FloorHeight(const Character& character, const Eigen::MatrixXd& poses, con
 
 }  // namespace
 
+std::vector<Rigid<WorldFrame, CameraFrame>> BaseFromCamera(const Camera& camera,
+                                                           std::span<const CameraFromWorld> motion,
+                                                           Eigen::Index num_frames) {
+  std::vector<Rigid<WorldFrame, CameraFrame>> base;
+  for (const CameraFromWorld& place : motion) base.push_back(place.Inverse());
+  if (!base.empty()) return base;
+  const CameraFromWorld still =
+      camera.has_extrinsics ? camera.camera_from_world : CameraFromWorld{};
+  base.assign(static_cast<size_t>(num_frames), still.Inverse());
+  return base;
+}
+
 Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state) {
   const auto joint = [&](JointId id) -> Vector3d {
     return state.joints.col(skeleton.FindJointIndex(id));
@@ -153,7 +149,7 @@ WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& p
                                                   motion.size(), poses.cols()));
   }
   WorldPlacement placement;
-  const Base base(camera, motion);
+  const Base base = BaseFromCamera(camera, motion, poses.cols());
   Vector3d up = EstimateUp(character, poses, base, &placement);
   const bool has_world = camera.has_extrinsics || !motion.empty();
   if (has_world) up = SnappedToAxis(up);
@@ -166,9 +162,7 @@ WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& p
     placement.world_from_camera = {.rotation = SceneFromCameraRotation(up),
                                    .translation = {0, -floor, 0}};
   }
-  for (size_t f = 0; f < motion.size(); ++f) {
-    placement.moving_world_from_camera.push_back(base[static_cast<Eigen::Index>(f)]);
-  }
+  if (!motion.empty()) placement.moving_world_from_camera = base;
   return placement;
 }
 

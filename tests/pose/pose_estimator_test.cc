@@ -160,12 +160,12 @@ TEST(PoseEstimatorTest, TheCallbackCanStopInEveryStage) {
   options.fit_proportions = true;
   for (const char* stage : {"start", "proportions", "pose"}) {
     int calls = 0;
-    const PoseTrack track =
-        EstimatePoses(clip.skeleton, clip.camera, clip.detections.detections2d,
-                      &clip.detections.detections3d, 30, options, [&](const Progress& progress) {
-                        calls += progress.stage == stage ? 1 : 0;
-                        return calls < 2;
-                      });
+    const PoseTrack track = EstimatePoses(clip.skeleton, clip.camera, clip.detections.detections2d,
+                                          &clip.detections.detections3d, 30, options, {},
+                                          [&](const Progress& progress) {
+                                            calls += progress.stage == stage ? 1 : 0;
+                                            return calls < 2;
+                                          });
     EXPECT_TRUE(track.cancelled) << stage;
     EXPECT_EQ(calls, 2) << stage;
     EXPECT_TRUE(track.poses.allFinite()) << stage;
@@ -179,7 +179,7 @@ TEST(PoseEstimatorTest, ProgressCountsEveryStageToItsEnd) {
   options.fit_proportions = true;
   std::map<std::string, Progress> last;
   EstimatePoses(clip.skeleton, clip.camera, clip.detections.detections2d,
-                &clip.detections.detections3d, 30, options, [&](const Progress& progress) {
+                &clip.detections.detections3d, 30, options, {}, [&](const Progress& progress) {
                   Progress& before = last[std::string(progress.stage)];
                   EXPECT_GE(progress.step, before.step) << progress.stage;
                   before = progress;

@@ -19,9 +19,11 @@ constexpr double kFps = 30;
 constexpr int kFrames = 90;
 
 // The stands found in `poses` of a clip's person.
-std::vector<FrameObservation> Stands(const SyntheticClip& clip, const Eigen::MatrixXd& poses) {
+std::vector<FrameObservation> Stands(const SyntheticClip& clip, const Eigen::MatrixXd& poses,
+                                     std::span<const CameraFromWorld> camera_motion = {}) {
   const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
-                              &clip.detections.detections3d, clip.fps, testing::PlainOptions());
+                              &clip.detections.detections3d, clip.fps, testing::PlainOptions(),
+                              camera_motion);
   std::vector<FrameObservation> observations;
   for (int f = 0; f < clip.num_frames(); ++f) observations.push_back(evidence.Observe(f));
   FindStandingFeet(evidence, poses, &observations);
@@ -95,6 +97,61 @@ TEST(StandingFeetTest, AToeStandsOnTheFloorOfItsAnkle) {
   KinematicState state;
   ForwardKinematics(clip.skeleton, poses.col(0), &state);
   EXPECT_GT(found->range_m, state.joints.col(toe).norm() + 0.02);
+}
+
+// The same squat before a camera in a hand: sways by 10 cm and 3 degrees, twice a second.
+TEST(StandingFeetTest, ACameraThatIsKnownToMoveSeesTheSameStands) {
+  const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
+  Eigen::MatrixXd poses = clip.poses;
+  std::vector<CameraFromWorld> motion;
+  for (int f = 0; f < kFrames; ++f) {
+    const double sway = std::sin(2 * std::numbers::pi * 2 * f / kFps);
+    motion.push_back({ExpSO3({0.05 * sway, -0.05 * sway, 0}), {0.1 * sway, 0, -0.05 * sway}});
+    poses.col(f) =
+        TransformPoses(motion.back().rotation, motion.back().translation, clip.poses.col(f));
+  }
+  // The world has y down, as the clip's camera at rest.
+  const std::vector<FrameObservation> observations = Stands(clip, poses, motion);
+  KinematicState state;
+  for (int f = 0; f < kFrames; ++f) {
+    EXPECT_EQ(observations[f].standing.size(), 4U) << "frame " << f;
+    ForwardKinematics(clip.skeleton, poses.col(f), &state);
+    for (const StandingJoint& standing : observations[f].standing) {
+      EXPECT_NEAR(standing.range_m, state.joints.col(standing.joint).norm(), 0.02);
+      EXPECT_LT(standing.ray.cross(state.joints.col(standing.joint)).norm(), 1e-6);
+    }
+  }
+  int num_unknown = 0;
+  for (const FrameObservation& observation : Stands(clip, poses)) {
+    num_unknown += static_cast<int>(observation.standing.size());
+  }
+  EXPECT_LT(num_unknown, kFrames);
+}
+
+// After a while that nobody saw, the estimate runs to and fro along the rays and never rests.
+TEST(StandingFeetTest, WhatRestsInThePictureAloneStandsOnTheFloorOfOthers) {
+  DetectionNoise noise;
+  noise.gaps = {{40, 45}};
+  const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, noise, 1);
+  const int ankle = clip.skeleton.FindJointIndex(JointId::kLeftAnkle);
+  KinematicState state;
+  ForwardKinematics(clip.skeleton, clip.poses.col(0), &state);
+  const Eigen::Vector3d ray = state.joints.col(ankle).normalized();
+  Eigen::MatrixXd poses = clip.poses;
+  for (int f = 45; f < kFrames; ++f) {
+    const double seconds = (f - 45) / kFps;
+    poses.col(f).head<3>() += (0.7 * std::abs(seconds - 0.75) - 0.3) * ray;
+  }
+  const std::vector<FrameObservation> observations = Stands(clip, poses);
+  for (int f = 50; f < kFrames - 5; ++f) {
+    const std::vector<StandingJoint>& standing = observations[f].standing;
+    const auto found =
+        std::find_if(standing.begin(), standing.end(),
+                     [&](const StandingJoint& joint) { return joint.joint == ankle; });
+    ASSERT_NE(found, standing.end()) << "frame " << f;
+    ForwardKinematics(clip.skeleton, clip.poses.col(f), &state);
+    EXPECT_NEAR(found->range_m, state.joints.col(ankle).norm(), 0.1) << "frame " << f;
+  }
 }
 
 TEST(StandingFeetTest, AWalkersFeetStandByTurns) {

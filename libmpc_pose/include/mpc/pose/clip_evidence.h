@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "mpc/core/camera.h"
@@ -55,15 +56,18 @@ struct FrameObservation {
 
 class ClipEvidence {
  public:
-  // detections3d may be null.
+  // detections3d may be null. camera_motion: where a moving camera is in each frame (F), in place of
+  // the camera's own extrinsics; empty: it stands.
   ClipEvidence(const Skeleton& skeleton, const Camera& camera, const Detections2d& detections2d,
-               const Detections3d* detections3d, double fps, const PoseOptions& options);
+               const Detections3d* detections3d, double fps, const PoseOptions& options,
+               std::span<const CameraFromWorld> camera_motion = {});
 
   // The same evidence for another skeleton with the same joints.
   ClipEvidence ForSkeleton(const Skeleton& skeleton) const;
 
   const Skeleton& skeleton() const { return skeleton_; }
   const Camera& camera() const { return camera_; }
+  const std::vector<CameraFromWorld>& camera_motion() const { return camera_motion_; }
   const PoseOptions& options() const { return options_; }
   const std::vector<EvidenceBone>& bones() const { return bones_; }
   int num_frames() const { return static_cast<int>(detections2d_->frames.size()); }
@@ -77,6 +81,11 @@ class ClipEvidence {
   void TrustError2d();
   void MeasureError2d(const std::vector<FrameObservation>& observations,
                       const Eigen::MatrixXd& poses);
+
+  // Once the limbs are chosen, for the last solution: 3D errors that last count as
+  // options().lasting_discount times as large, the less the nearer they are to what can be measured, and
+  // the rest prior's variance as that much larger.
+  void DiscountLasting();
 
   // hips: where they are in the camera, if known: the ray that ray-aligned 3D detections follow.
   // Without, the ray through the middle of the 2D points stands for it.
@@ -105,6 +114,7 @@ class ClipEvidence {
 
   Skeleton skeleton_;
   Camera camera_;
+  std::vector<CameraFromWorld> camera_motion_;
   std::shared_ptr<const Detections2d> detections2d_;  // repaired
   std::shared_ptr<const Detections3d> detections3d_;  // repaired; may be null
   double fps_ = 0;
@@ -114,6 +124,7 @@ class ClipEvidence {
   double error_3d_mm_ = 0;        // typical error of the 3D detections across the ray
   double depth_error_ratio_ = 1;  // and along the ray over that
   double white_share_ = 0;
+  double lasting_weight_ = 1;
   double error_white_mm_ = 0;                    // that part across the ray, per axis
   Eigen::VectorXd rest_weights_;                 // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there

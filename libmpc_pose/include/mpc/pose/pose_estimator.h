@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "mpc/core/camera.h"
@@ -53,12 +54,15 @@ struct PoseTrack {
   double seconds_batch = 0;
 };
 
-// Both detections have F frames; detections3d may be null (2D only). fps > 0. Reports progress as the
-// stages "start" (frames), "proportions" (iterations) and "pose" (windows). Throws Error: kInvalidArgument (options, camera, sizes), kMismatch (frame
-// counts differ, nobody seen in any frame). The result does not depend on options.num_threads.
+// Both detections have F frames; detections3d may be null (2D only). fps > 0. camera_motion: where a
+// moving camera is in each frame (F), in place of the camera's own extrinsics; empty: it stands. Reports
+// progress as the stages "start" (frames), "proportions" (iterations) and "pose" (windows). Throws
+// Error: kInvalidArgument (options, camera, sizes), kMismatch (frame counts differ, nobody seen in any
+// frame). The result does not depend on options.num_threads.
 PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
                         const Detections2d& detections2d, const Detections3d* detections3d,
                         double fps, const PoseOptions& options,
+                        std::span<const CameraFromWorld> camera_motion = {},
                         const ProgressCallback& progress = {});
 
 }  // namespace mpc

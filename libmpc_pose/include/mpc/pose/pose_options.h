@@ -40,7 +40,10 @@ struct PoseOptions {
   double pck_threshold = 0.4;      // thres_pck of the paper: a frame's 3D is off above it
   bool test_depth_flips = true;    // ours: depth-mirrored limbs are tried over the clip
   bool hold_standing_feet = true;  // ours: what stands in the picture stands along the ray too
-  double weight_rest = 0.6;        // ours: rest prior, over a joint's usual spread; 0: paper
+  // ours: factor on 3D errors that last, and on the rest prior's variance, once limbs are chosen;
+  // 1: paper. In [1, 100]
+  double lasting_discount = 2;
+  double weight_rest = 0.6;  // ours: rest prior, over a joint's usual spread; 0: paper
 
   bool fit_proportions = true;  // ours: body proportions estimated once per clip; false: paper
 

@@ -17,6 +17,12 @@
 
 namespace mpc {
 
+// Where the camera is in each of F frames: in the world when `motion` (F) or the camera's extrinsics say
+// so, else nowhere, which is the identity: the base is the world or the camera at rest.
+std::vector<Rigid<WorldFrame, CameraFrame>> BaseFromCamera(const Camera& camera,
+                                                           std::span<const CameraFromWorld> motion,
+                                                           Eigen::Index num_frames);
+
 // From the middle of the ankles to the middle of the trunk, unit, in the pose's frame: whoever
 // stands keeps that over the feet, also when leaning. The skeleton has the paper's joints.
 Eigen::Vector3d StandingDirection(const Skeleton& skeleton, const KinematicState& state);

@@ -131,7 +131,7 @@ TEST(StandingFeetTest, ACameraThatIsKnownToMoveSeesTheSameStands) {
 // After a while that nobody saw, the estimate runs to and fro along the rays and never rests.
 TEST(StandingFeetTest, WhatRestsInThePictureAloneStandsOnTheFloorOfOthers) {
   DetectionNoise noise;
-  noise.gaps = {{40, 45}};
+  noise.gaps = {{15, 45}};
   const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, noise, 1);
   const int ankle = clip.skeleton.FindJointIndex(JointId::kLeftAnkle);
   KinematicState state;
@@ -140,7 +140,7 @@ TEST(StandingFeetTest, WhatRestsInThePictureAloneStandsOnTheFloorOfOthers) {
   Eigen::MatrixXd poses = clip.poses;
   for (int f = 45; f < kFrames; ++f) {
     const double seconds = (f - 45) / kFps;
-    poses.col(f).head<3>() += (0.7 * std::abs(seconds - 0.75) - 0.3) * ray;
+    poses.col(f).head<3>() += (0.9 * std::abs(seconds - 0.75) - 0.35) * ray;
   }
   const std::vector<FrameObservation> observations = Stands(clip, poses);
   for (int f = 50; f < kFrames - 5; ++f) {

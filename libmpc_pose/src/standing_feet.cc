@@ -14,7 +14,7 @@ namespace {
 constexpr std::array kFootJoints = {JointId::kLeftAnkle, JointId::kRightAnkle, JointId::kLeftToe,
                                     JointId::kRightToe};
 constexpr double kSpeed = 0.15;            // m/s across the ray that count as none
-constexpr double kFloorSpeed = 0.4;        // m/s straight along the floor that would show as more
+constexpr double kFloorSpeed = 0.3;        // m/s straight along the floor that would show as more
 constexpr double kAlongSpeed = 0.4;        // m/s along the ray, as estimated
 constexpr double kSpeedSeconds = 0.3;      // over which it is taken
 constexpr double kLeastSeconds = 0.25;     // that a foot stands and its estimate rests

@@ -26,8 +26,8 @@ class BoundaryTest : public ::testing::Test {
     RasterizeMesh(camera_, positions, bind.triangles, {}, &buffers);
     depth_ = buffers.depth;
     for (const bool drop_hidden : {false, true}) {
-      const ModelBoundary expected = FindModelBoundary(camera_, positions, topology, mask_,
-                                                       drop_hidden ? depth_ : cv::Mat());
+      const ModelBoundary expected =
+          FindModelBoundary(camera_, positions, topology, mask_, drop_hidden ? depth_ : cv::Mat());
       const ModelBoundary drawn =
           DrawModelBoundary(camera_, positions, topology, drop_hidden, &drawn_buffers_);
       EXPECT_EQ(drawn.vertices, expected.vertices);

@@ -74,8 +74,7 @@ MaskVideoWriter::MaskVideoWriter(const fs::path& path, int width, int height, do
 
 void MaskVideoWriter::Write(const cv::Mat& mask) {
   CheckMask("masks", mask);
-  cv::merge(std::vector<cv::Mat>{mask, mask, mask}, bgr_);
-  video_.Write(bgr_);
+  video_.Write(mask);
 }
 
 PictureFolderWriter::PictureFolderWriter(const fs::path& folder) : folder_(folder) {

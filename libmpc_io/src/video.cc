@@ -8,10 +8,13 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
+#include <optional>
 #include <set>
+#include <stdexcept>
 #include <system_error>
 #include <vector>
 
+#include "h264_encoder.h"
 #include "mpc/core/error.h"
 #include "mpc/io/atomic_file.h"
 
@@ -174,8 +177,19 @@ struct VideoWriter::Impl {
   int height;
   int num_frames = 0;
   AtomicFile file;  // before the encoder, which must let go of the file first
-  cv::VideoWriter encoder;
+  std::optional<H264Encoder> encoder;
   cv::Mat padded;
+
+  // What the encoder does; it finds nothing wrong with a full disk.
+  template <typename Work>
+  void Encode(const Work& work) {
+    try {
+      work();
+    } catch (const std::runtime_error& e) {
+      throw Error(ErrorCode::kWriteFailed,
+                  fmt::format("cannot write {}: {}", path.string(), e.what()));
+    }
+  }
 
   // What is wrong with the finished file; empty if nothing.
   std::string Fault() const {
@@ -201,12 +215,13 @@ VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps
   impl_ = std::make_unique<Impl>(path, width, height);
   WriteFileAtomically(impl_->file.temporary(), "");  // says why, where the encoder would not
   const cv::Size even_size((width + 1) / 2 * 2, (height + 1) / 2 * 2);
-  impl_->encoder.open(impl_->file.temporary().string(), cv::CAP_FFMPEG,
-                      cv::VideoWriter::fourcc('a', 'v', 'c', '1'), fps, even_size);
-  if (!impl_->encoder.isOpened()) {
+  try {
+    impl_->encoder.emplace(impl_->file.temporary().string(), even_size.width, even_size.height,
+                           fps);
+  } catch (const std::runtime_error& e) {
     throw Error(ErrorCode::kUnsupported,
-                fmt::format("{}: OpenCV cannot write H.264 of {} x {} at {} frames per second",
-                            path.string(), even_size.width, even_size.height, fps));
+                fmt::format("{}: no H.264 of {} x {} at {} frames per second: {}", path.string(),
+                            even_size.width, even_size.height, fps, e.what()));
   }
 }
 
@@ -214,26 +229,31 @@ VideoWriter::~VideoWriter() = default;
 VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
 VideoWriter& VideoWriter::operator=(VideoWriter&&) noexcept = default;
 
-void VideoWriter::Write(const cv::Mat& bgr) {
-  if (bgr.cols != impl_->width || bgr.rows != impl_->height || bgr.type() != CV_8UC3) {
+void VideoWriter::Write(const cv::Mat& picture) {
+  if (picture.cols != impl_->width || picture.rows != impl_->height ||
+      (picture.type() != CV_8UC3 && picture.type() != CV_8UC1)) {
     throw Error(ErrorCode::kInvalidArgument,
-                fmt::format("{}: a frame of {} x {} and type {}, expected {} x {} BGR",
-                            impl_->path.string(), bgr.cols, bgr.rows, bgr.type(), impl_->width,
-                            impl_->height));
+                fmt::format("{}: a frame of {} x {} and type {}, expected {} x {} BGR or grey",
+                            impl_->path.string(), picture.cols, picture.rows, picture.type(),
+                            impl_->width, impl_->height));
   }
-  if (impl_->width % 2 == 0 && impl_->height % 2 == 0) {
-    impl_->encoder.write(bgr);
-  } else {
-    cv::copyMakeBorder(bgr, impl_->padded, 0, impl_->height % 2, 0, impl_->width % 2,
+  cv::Mat even = picture;
+  if (impl_->width % 2 != 0 || impl_->height % 2 != 0) {
+    cv::copyMakeBorder(picture, impl_->padded, 0, impl_->height % 2, 0, impl_->width % 2,
                        cv::BORDER_REPLICATE);
-    impl_->encoder.write(impl_->padded);
+    even = impl_->padded;
   }
+  impl_->Encode([&] { impl_->encoder->Write(even); });
   ++impl_->num_frames;
 }
 
 void VideoWriter::Close() {
-  impl_->encoder.release();
-  const std::string fault = impl_->num_frames == 0 ? "no frame was written" : impl_->Fault();
+  std::string fault = "no frame was written";
+  if (impl_->num_frames > 0) {
+    impl_->Encode([&] { impl_->encoder->Finish(); });
+    impl_->encoder.reset();
+    fault = impl_->Fault();
+  }
   if (!fault.empty()) {
     throw Error(ErrorCode::kWriteFailed,
                 fmt::format("cannot write {}: {}", impl_->path.string(), fault));

@@ -53,8 +53,8 @@ class VideoWriter {
   VideoWriter(VideoWriter&&) noexcept;
   VideoWriter& operator=(VideoWriter&&) noexcept;
 
-  // Throws Error (kInvalidArgument) for another size or type than 8-bit BGR.
-  void Write(const cv::Mat& bgr);
+  // Throws Error: kInvalidArgument for another size or type than 8-bit BGR or grey, kWriteFailed.
+  void Write(const cv::Mat& picture);
 
   // Finishes the file, reads it again to make sure that every frame is there (encoders do not
   // report a full disk) and moves it to its place. Throws Error (kWriteFailed).

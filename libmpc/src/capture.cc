@@ -98,9 +98,8 @@ void CheckFrameCount(const fs::path& file, size_t num_in_file, const fs::path& o
 // is found before any long work.
 int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
   VideoReader video(inputs.video, inputs.image_fps);
-  cv::Mat frame;
   int num_frames = 0;
-  while (video.Read(&frame)) {
+  while (video.Skip()) {
     ++num_frames;
     const int expected = std::max(video.num_frames(), num_frames);
     if (progress && !progress({"video", num_frames, expected})) {

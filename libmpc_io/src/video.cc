@@ -52,6 +52,7 @@ struct VideoReader::Impl {
   cv::VideoCapture capture;
   std::vector<fs::path> pictures;  // instead of the capture
   cv::Mat first;                   // decoded when the file was opened
+  const cv::Mat unwanted{1, 1, CV_8U};
   double first_time_s = 0;
   int width = 0;
   int height = 0;
@@ -60,8 +61,9 @@ struct VideoReader::Impl {
   int index = -1;
   double time_s = 0;
 
-  // The next frame in the file and its time; an empty frame after the last.
-  cv::Mat Decode(double* decoded_time_s) {
+  // The next frame in the file and its time; an empty frame after the last. One that nobody wants is
+  // decoded, but not made BGR: any picture stands for it.
+  cv::Mat Decode(double* decoded_time_s, bool want = true) {
     cv::Mat frame;
     try {
       if (!pictures.empty()) {
@@ -72,7 +74,12 @@ struct VideoReader::Impl {
         if (frame.empty()) ThrowBadFile(pictures[next], "not a readable picture");
         return frame;
       }
-      capture.read(frame);
+      if (!capture.grab()) return frame;
+      if (want) {
+        capture.retrieve(frame);
+      } else {
+        frame = unwanted;
+      }
       *decoded_time_s = capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
       // The last frames, drained from the decoder, come without a time of their own.
       if (index >= 0 && *decoded_time_s <= 0) *decoded_time_s = time_s + 1 / fps;
@@ -80,6 +87,26 @@ struct VideoReader::Impl {
       ThrowBadFile(path, fmt::format("frame {} cannot be decoded: {}", index + 1, e.what()));
     }
     return frame;
+  }
+
+  // Goes on by a frame; false after the last.
+  bool Next(bool want, cv::Mat* frame) {
+    double next_time_s = first_time_s;
+    cv::Mat next;
+    if (index < 0) {
+      cv::swap(next, first);
+    } else {
+      next = Decode(&next_time_s, want);
+    }
+    if (next.empty()) {
+      CheckEnd();
+      return false;
+    }
+    ++index;
+    if (index > 0) CheckStep(next_time_s - time_s);
+    time_s = next_time_s;
+    if (want) *frame = std::move(next);
+    return true;
   }
 
   void CheckEnd() const {
@@ -145,21 +172,11 @@ int VideoReader::num_frames() const { return impl_->num_frames; }
 int VideoReader::frame_index() const { return impl_->index; }
 double VideoReader::frame_time_s() const { return impl_->time_s; }
 
+bool VideoReader::Skip() { return impl_->Next(/*want=*/false, nullptr); }
+
 bool VideoReader::Read(cv::Mat* bgr) {
-  double time_s = impl_->first_time_s;
   cv::Mat frame;
-  if (impl_->index < 0) {
-    cv::swap(frame, impl_->first);
-  } else {
-    frame = impl_->Decode(&time_s);
-  }
-  if (frame.empty()) {
-    impl_->CheckEnd();
-    return false;
-  }
-  ++impl_->index;
-  if (impl_->index > 0) impl_->CheckStep(time_s - impl_->time_s);
-  impl_->time_s = time_s;
+  if (!impl_->Next(/*want=*/true, &frame)) return false;
   if (frame.cols != impl_->width || frame.rows != impl_->height || frame.type() != CV_8UC3) {
     ThrowBadFile(impl_->path, fmt::format("frame {} is {} x {}, the first is {} x {}", impl_->index,
                                           frame.cols, frame.rows, impl_->width, impl_->height));

@@ -33,7 +33,11 @@ class VideoReader {
   // size changes; kUnsupported for a variable frame rate.
   bool Read(cv::Mat* bgr);
 
-  // Of the frame read last: its index, and its time in the file.
+  // Passes over the next frame for less than it costs to read it; false after the last. Throws Error
+  // as Read, but does not see the size change.
+  bool Skip();
+
+  // Of the frame read or passed over last: its index, and its time in the file.
   int frame_index() const;
   double frame_time_s() const;
 

@@ -11,6 +11,7 @@ build_packages=(
   g++ cmake ninja-build
   libeigen3-dev libceres-dev libopenmesh-dev libopencv-dev libtinygltf-dev libfmt-dev nlohmann-json3-dev
   libcli11-dev
+  libavcodec-dev libavformat-dev
   ffmpeg
   npm  # scripts/get_models.sh
 )

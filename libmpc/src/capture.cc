@@ -6,6 +6,7 @@
 #include <array>
 #include <chrono>
 #include <cmath>
+#include <ctime>
 #include <optional>
 #include <system_error>
 
@@ -97,9 +98,8 @@ void CheckFrameCount(const fs::path& file, size_t num_in_file, const fs::path& o
 // is found before any long work.
 int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
   VideoReader video(inputs.video, inputs.image_fps);
-  cv::Mat frame;
   int num_frames = 0;
-  while (video.Read(&frame)) {
+  while (video.Skip()) {
     ++num_frames;
     const int expected = std::max(video.num_frames(), num_frames);
     if (progress && !progress({"video", num_frames, expected})) {
@@ -117,6 +117,12 @@ FocalPrior PriorOfFocal(const CaptureInputs& inputs, CaptureReport* report) {
   report->focal_35mm = *focal_35mm;
   return {.focal_px = FocalPxFrom35mm(*focal_35mm, camera.width, camera.height),
           .relative_sigma = kStatedFocalSigma};
+}
+
+double ProcessSeconds() {
+  timespec time;
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 // Things a user should look at.
@@ -243,15 +249,18 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   const int num_threads = options_.pose.num_threads;
   const auto timed = [&report](const char* stage, const auto& work) {
     const auto start = std::chrono::steady_clock::now();
+    const double core_start = ProcessSeconds();
     work();
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
+    const double core_elapsed = ProcessSeconds() - core_start;
     for (StageSeconds& timing : report.timings) {
       if (timing.stage == stage) {
         timing.seconds += elapsed.count();
+        timing.core_seconds += core_elapsed;
         return;
       }
     }
-    report.timings.push_back({stage, elapsed.count()});
+    report.timings.push_back({stage, elapsed.count(), core_elapsed});
   };
 
   timed("video", [&] {

@@ -202,11 +202,10 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
   json["proportions"] = ProportionsJson(report);
   json["mapping"] = MappingJson(report);
   json["warnings"] = report.warnings;
-  Json timings = Json::object();
   for (const StageSeconds& timing : report.timings) {
-    timings[timing.stage] = Rounded(timing.seconds, 1e-3);
+    json["seconds"][timing.stage] = Rounded(timing.seconds, 1e-3);
+    json["core_seconds"][timing.stage] = Rounded(timing.core_seconds, 1e-3);
   }
-  json["seconds"] = std::move(timings);
   if (!report.person_iou.empty()) {
     json["person_iou"] = IouJson(report.person_iou);
   }

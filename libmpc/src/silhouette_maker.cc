@@ -35,9 +35,13 @@ std::optional<BackgroundPlate> SeeBackground(const PosedClip& clip,
   const int num_samples = std::min(num_frames, kMaxPlateSamples);
   std::vector<PlateSample> samples;
   cv::Mat picture;
-  for (int f = 0; static_cast<int>(samples.size()) < num_samples && video.Read(&picture); ++f) {
+  for (int f = 0; static_cast<int>(samples.size()) < num_samples; ++f) {
     // Evenly over the clip.
-    if (f * num_samples / num_frames < static_cast<int>(samples.size())) continue;
+    if (f * num_samples / num_frames < static_cast<int>(samples.size())) {
+      if (!video.Skip()) break;
+      continue;
+    }
+    if (!video.Read(&picture)) break;
     if (progress && !progress({stage, 0, num_frames})) return std::nullopt;
     samples.push_back({picture.clone(),
                        PosedModelMask(clip.character, clip.camera, topology, clip.poses.col(f))});

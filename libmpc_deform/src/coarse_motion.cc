@@ -10,21 +10,28 @@ namespace {
 constexpr size_t kPatchNodes = 40;
 constexpr double kDamping = 1e-6;  // of the diagonal
 
+using Block = Eigen::Matrix<double, 6, 6>;
+
+Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& x) {
+  Eigen::Matrix3d cross;
+  cross << 0, -x.z(), x.y(), x.z(), 0, -x.x(), -x.y(), x.x(), 0;
+  return cross;
+}
+
 }  // namespace
 
-CoarseMotion::CoarseMotion(const SurfaceProblem& problem)
+CoarseMotion::CoarseMotion(const SurfaceProblem& problem, std::span<const int> edge_begin,
+                           std::span<const int> edge_node)
     : problem_(problem), patch_(problem.num_nodes, -1) {
-  std::vector<std::vector<int>> neighbors(problem.num_nodes);
-  for (int e = 0; e < problem.arap.num_blocks(); ++e) {
-    neighbors[problem.arap.nodes(e)[0]].push_back(problem.arap.nodes(e)[1]);
-  }
   // Patches grow ring by ring.
+  std::vector<int> members;
   for (int seed = 0; seed < problem.num_nodes; ++seed) {
     if (patch_[seed] >= 0) continue;
-    std::vector<int> members = {seed};
+    members = {seed};
     patch_[seed] = num_patches_;
     for (size_t m = 0; m < members.size() && members.size() < kPatchNodes; ++m) {
-      for (const int j : neighbors[members[m]]) {
+      for (int e = edge_begin[members[m]]; e < edge_begin[members[m] + 1]; ++e) {
+        const int j = edge_node[e];
         if (patch_[j] >= 0) continue;
         patch_[j] = num_patches_;
         members.push_back(j);
@@ -38,37 +45,61 @@ CoarseMotion::CoarseMotion(const SurfaceProblem& problem)
   }
 }
 
+void CoarseMotion::Add(int a, int b, const Block& block) {
+  if (a >= b) {
+    normal_.block<6, 6>(6 * a, 6 * b) += block;
+  } else {
+    normal_.block<6, 6>(6 * b, 6 * a) += block.transpose();
+  }
+}
+
+// A residual of one row, by the motions of the patches: t_i = T + Omega x lever_i.
 template <typename Energy>
-void CoarseMotion::Add(const Energy& energy, const WarpField& at, int block) {
-  Eigen::Vector3d r;
+void CoarseMotion::AddRow(const Energy& energy, const WarpField& at, int block) {
+  double r = 0;
   BlockJacobian jacobian;
-  energy.Evaluate(at, block, r.data(), &jacobian);
-  // By the motions of the patches: t_i = T + Omega x lever_i.
+  energy.Evaluate(at, block, &r, &jacobian);
   const std::span<const int> nodes = energy.nodes(block);
   std::array<int, kMaxBlockNodes> patches;
+  std::array<Eigen::Matrix<double, 6, 1>, kMaxBlockNodes> by_patch;
   int count = 0;
   for (size_t k = 0; k < nodes.size(); ++k) {
-    const int patch = patch_[nodes[k]];
-    for (int row = 0; row < energy.rows(); ++row) {
-      jacobian.block<1, 3>(row, 6 * k) +=
-          levers_.col(nodes[k]).cross(jacobian.block<1, 3>(row, 6 * k + 3).transpose()).transpose();
-    }
+    Eigen::Matrix<double, 6, 1> by_motion = jacobian.block<1, 6>(0, 6 * k).transpose();
+    by_motion.head<3>() += levers_.col(nodes[k]).cross(by_motion.tail<3>());
     const auto end = patches.begin() + count;
-    const auto found = std::find(patches.begin(), end, patch);
-    const int place = static_cast<int>(found - patches.begin());
+    const auto found = std::find(patches.begin(), end, patch_[nodes[k]]);
     if (found == end) {
-      patches[count++] = patch;
-      jacobian.middleCols<6>(6 * place) = jacobian.middleCols<6>(6 * k).eval();
+      patches[count] = patch_[nodes[k]];
+      by_patch[count++] = by_motion;
     } else {
-      jacobian.middleCols<6>(6 * place) += jacobian.middleCols<6>(6 * k);
+      by_patch[found - patches.begin()] += by_motion;
     }
   }
   for (int a = 0; a < count; ++a) {
-    for (int b = 0; b < count; ++b) {
-      normal_.block<6, 6>(6 * patches[a], 6 * patches[b]) +=
-          jacobian.middleCols<6>(6 * a).transpose().lazyProduct(jacobian.middleCols<6>(6 * b));
-    }
+    for (int b = 0; b <= a; ++b) Add(patches[a], patches[b], by_patch[a] * by_patch[b].transpose());
   }
+}
+
+// Of an edge's residual, the Jacobians by the motions of the two patches are ([p]x, s) and
+// ([q]x, -s), with s E_arap's scale, p = s (R_i (g^_i - g^_j) - lever_i) and q = s lever_j.
+void CoarseMotion::AddEdge(const WarpField& at, int edge) {
+  const std::span<const int> nodes = problem_.arap.nodes(edge);
+  const double s = problem_.arap.scale();
+  const Eigen::Vector3d p = s * (problem_.arap.Lever(at, edge) - levers_.col(nodes[0]));
+  const Eigen::Vector3d q = s * levers_.col(nodes[1]);
+  // ([x]x, a)^T ([y]x, b)
+  const auto product = [](const Eigen::Vector3d& x, double a, const Eigen::Vector3d& y, double b) {
+    Block block;
+    block.topLeftCorner<3, 3>() = x.dot(y) * Eigen::Matrix3d::Identity() - y * x.transpose();
+    block.topRightCorner<3, 3>() = -b * CrossMatrix(x);
+    block.bottomLeftCorner<3, 3>() = a * CrossMatrix(y);
+    block.bottomRightCorner<3, 3>() = a * b * Eigen::Matrix3d::Identity();
+    return block;
+  };
+  const int i = patch_[nodes[0]], j = patch_[nodes[1]];
+  Add(i, i, product(p, s, p, s));
+  Add(i, j, product(p, s, q, -s));
+  Add(j, j, product(q, -s, q, -s));
 }
 
 void CoarseMotion::Linearize(const WarpField& at) {
@@ -82,31 +113,35 @@ void CoarseMotion::Linearize(const WarpField& at) {
   for (int i = 0; i < problem_.num_nodes; ++i) {
     levers_.col(i) -= middle.col(patch_[i]) / size[patch_[i]];
   }
-  float_levers_ = levers_.cast<float>();
+  packed_levers_.setZero(4, problem_.num_nodes);
+  packed_levers_.topRows<3>() = levers_.cast<float>();
   normal_.setZero(6 * num_patches_, 6 * num_patches_);
-  for (int row = 0; row < problem_.contour.num_blocks(); ++row) Add(problem_.contour, at, row);
-  for (const int e : crossing_) Add(problem_.arap, at, e);
-  for (int i = 0; i < problem_.depth_drift.num_blocks(); ++i) Add(problem_.depth_drift, at, i);
+  for (int row = 0; row < problem_.contour.num_blocks(); ++row) AddRow(problem_.contour, at, row);
+  for (const int e : crossing_) AddEdge(at, e);
+  for (int i = 0; i < problem_.depth_drift.num_blocks(); ++i) AddRow(problem_.depth_drift, at, i);
   normal_.diagonal() *= 1 + kDamping;
   normal_.diagonal().array() += kDamping * kDamping * normal_.diagonal().maxCoeff();
   factor_.compute(normal_.cast<float>());
 }
 
-void CoarseMotion::Apply(const Eigen::Matrix<float, 4, Eigen::Dynamic>& x,
-                         Eigen::Matrix<float, 4, Eigen::Dynamic>* product) {
+void CoarseMotion::Apply(const Packed& x, Packed* product) {
   if (factor_.info() != Eigen::Success) return;
-  motion_.setZero(6 * num_patches_);
+  const Float4* in = Columns(x);
+  const Float4* levers = Columns(packed_levers_);
+  Float4* out = Columns(product);
+  motion_.setZero(4, 2 * num_patches_);
+  Float4* motion = Columns(&motion_);
   for (int i = 0; i < problem_.num_nodes; ++i) {
-    const Eigen::Vector3f lever = float_levers_.col(i), t = x.col(2 * i + 1).head<3>();
-    motion_.segment<3>(6 * patch_[i]) += x.col(2 * i).head<3>() + lever.cross(t);
-    motion_.segment<3>(6 * patch_[i] + 3) += t;
+    motion[2 * patch_[i]] += in[2 * i] + Cross(levers[i], in[2 * i + 1]);
+    motion[2 * patch_[i] + 1] += in[2 * i + 1];
   }
-  factor_.solveInPlace(motion_);
+  answer_ = motion_.topRows<3>().reshaped();
+  factor_.solveInPlace(answer_);
+  motion_.topRows<3>().reshaped() = answer_;
   for (int i = 0; i < problem_.num_nodes; ++i) {
-    const Eigen::Vector3f lever = float_levers_.col(i);
-    const Eigen::Vector3f omega = motion_.segment<3>(6 * patch_[i]);
-    product->col(2 * i).head<3>() += omega;
-    product->col(2 * i + 1).head<3>() += motion_.segment<3>(6 * patch_[i] + 3) + omega.cross(lever);
+    const Float4 omega = motion[2 * patch_[i]];
+    out[2 * i] += omega;
+    out[2 * i + 1] += motion[2 * patch_[i] + 1] + Cross(omega, levers[i]);
   }
 }
 

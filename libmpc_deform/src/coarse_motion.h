@@ -6,37 +6,43 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <span>
 #include <vector>
 
 #include "mpc/deform/surface_solver.h"
+#include "packed.h"
 
 namespace mpc {
 
 class CoarseMotion {
  public:
-  explicit CoarseMotion(const SurfaceProblem& problem);
+  // E_arap's edges (i, j) by i, in its order: edge_begin of M+1, and j.
+  CoarseMotion(const SurfaceProblem& problem, std::span<const int> edge_begin,
+               std::span<const int> edge_node);
 
   // The normal equations of the patches' motions at a point, damped; `at` inside the domain.
   void Linearize(const WarpField& at);
   bool ready() const { return normal_.size() > 0; }
 
-  // product += the nodes' motion that answers x. Both 4 x 2M as in SurfaceStep.
-  void Apply(const Eigen::Matrix<float, 4, Eigen::Dynamic>& x,
-             Eigen::Matrix<float, 4, Eigen::Dynamic>* product);
+  // product += the nodes' motion that answers x.
+  void Apply(const Packed& x, Packed* product);
 
  private:
   template <typename Energy>
-  void Add(const Energy& energy, const WarpField& at, int block);
+  void AddRow(const Energy& energy, const WarpField& at, int block);
+  void AddEdge(const WarpField& at, int edge);
+  void Add(int a, int b, const Eigen::Matrix<double, 6, 6>& block);
 
   const SurfaceProblem& problem_;
   std::vector<int> patch_;     // M
   std::vector<int> crossing_;  // edges of E_arap between patches
   int num_patches_ = 0;
   Eigen::Matrix3Xd levers_;  // 3xM, of the nodes about their patch's first
-  Eigen::Matrix3Xf float_levers_;
-  Eigen::MatrixXd normal_;  // 6P x 6P
+  Packed packed_levers_;     // 4xM
+  Eigen::MatrixXd normal_;   // 6P x 6P, its lower half
   Eigen::LLT<Eigen::MatrixXf> factor_;
-  Eigen::VectorXf motion_;  // 6P
+  Packed motion_;           // 4x2P
+  Eigen::VectorXf answer_;  // 6P
 };
 
 }  // namespace mpc

@@ -16,8 +16,6 @@ namespace {
 constexpr double kMedianToSigma = 1.4826;  // of the sizes of a normal distribution's values
 constexpr double kPictureBorder_px = 2;
 constexpr double kAlwaysNear_px = 2;
-// Around the model, so that the border of the crop is never taken for the picture's.
-constexpr int kCropMargin_px = 4;
 // Half the width of the window in which vertices share their length of outline, m.
 constexpr double kLengthWindow_m = 0.02;
 
@@ -196,23 +194,8 @@ ContourIndex IndexSilhouette(const Contour2d& contour, const Camera& camera) {
 ModelBoundary FindOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                           const SurfaceTopology& topology, const CorrespondenceOptions& options,
                           CorrespondenceScratch* scratch) {
-  cv::Rect crop = ProjectedBounds(camera, positions_in_camera);
-  if (crop.empty()) return {};
-  crop -= cv::Point(kCropMargin_px, kCropMargin_px);
-  crop += cv::Size(2 * kCropMargin_px, 2 * kCropMargin_px);
-  crop &= cv::Rect(0, 0, camera.width, camera.height);
-  const Camera cropped = CroppedTo(camera, crop);
-  cv::Mat depth;
-  if (options.drop_hidden) {
-    RasterizeMesh(cropped, positions_in_camera, topology.triangles, {}, &scratch->raster);
-    scratch->mask = scratch->raster.triangle_id >= 0;
-    depth = scratch->raster.depth;
-  } else {
-    ModelMask(cropped, positions_in_camera, topology, &scratch->mask);
-  }
   ModelBoundary outline =
-      FindModelBoundary(cropped, positions_in_camera, topology, scratch->mask, depth);
-  outline.pixels.colwise() += Eigen::Vector2d(crop.x, crop.y);
+      DrawModelBoundary(camera, positions_in_camera, topology, options.drop_hidden, scratch);
   if (options.min_spacing_m > 0) {
     Thin(camera, positions_in_camera, options.min_spacing_m, &outline);
   }

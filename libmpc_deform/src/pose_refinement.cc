@@ -10,19 +10,24 @@
 #include "mpc/deform/refinement_solver.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skinning.h"
+#include "mpc/skeleton/skinning_jacobian.h"
 
 namespace mpc {
 namespace {
 
 constexpr double kLeastRobust_m = 0.01;
 
-// Moves the outline's pixels to where its vertices are now.
-void Reproject(const Camera& camera, const Eigen::Matrix3Xf& vertices, ModelBoundary* outline) {
+// Moves the outline's vertices, and their pixels, to where they are now.
+void Repose(const Camera& camera, const Character& character, const KinematicState& state,
+            ModelBoundary* outline, Eigen::Matrix3Xf* vertices) {
+  VertexSkinner skinner(character);
+  skinner.Update(state);
   for (size_t i = 0; i < outline->vertices.size(); ++i) {
+    const int v = outline->vertices[i];
+    const Eigen::Vector3d x = skinner.Position(v);
+    vertices->col(v) = x.cast<float>();
     Eigen::Vector2d pixel;
-    if (Project(camera, vertices.col(outline->vertices[i]).cast<double>(), &pixel)) {
-      outline->pixels.col(static_cast<Eigen::Index>(i)) = pixel;
-    }
+    if (Project(camera, x, &pixel)) outline->pixels.col(static_cast<Eigen::Index>(i)) = pixel;
   }
 }
 
@@ -99,11 +104,11 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
   ModelBoundary model;
   for (int i = 0; i < options_.num_iterations; ++i) {
     if (i > 0) ForwardKinematics(skeleton, pose, &state);
-    SkinCharacter(*character_, state, &vertices);
     if (i == 0 || options_.refresh_outline) {
+      SkinCharacter(*character_, state, &vertices);
       model = FindOutline(camera, vertices, topology_, options_.correspondences, scratch);
     } else {
-      Reproject(camera, vertices, &model);
+      Repose(camera, *character_, state, &model, &vertices);
     }
     const Correspondences found =
         MatchOutline(camera, vertices, model, parts_, outline, options_.correspondences);

@@ -10,25 +10,10 @@ namespace mpc {
 namespace {
 
 constexpr int kMaxInnerIterations = 40;
-constexpr float kInnerTolerance = 5e-2f;  // of the length of the residual
-
-// Four floats of which the last is zero, as the compilers know them for any processor: Eigen's
-// cross3 of such vectors is not SIMD everywhere.
-using Float4 = float __attribute__((vector_size(16), may_alias));
-
-Float4 Cross(Float4 a, Float4 b) {
-  const Float4 a_next = __builtin_shufflevector(a, a, 1, 2, 0, 3);
-  const Float4 b_next = __builtin_shufflevector(b, b, 1, 2, 0, 3);
-  const Float4 turned = a * b_next - a_next * b;
-  return __builtin_shufflevector(turned, turned, 1, 2, 0, 3);
-}
-
-const Float4* Columns(const Eigen::Matrix<float, 4, Eigen::Dynamic>& x) {
-  return reinterpret_cast<const Float4*>(x.data());
-}
-Float4* Columns(Eigen::Matrix<float, 4, Eigen::Dynamic>* x) {
-  return reinterpret_cast<Float4*>(x->data());
-}
+// Conjugate gradients end when an iteration lowers the quadratic model by less than this part of
+// the mean of all so far. Nash and Sofer, "Assessing a search direction within a truncated-Newton
+// method", 1990: unlike the residual's length, the model tells what the cost gains.
+constexpr float kInnerTolerance = 5e-2f;
 
 Eigen::Matrix3d Cross(const Eigen::Vector3d& x) {
   Eigen::Matrix3d cross;
@@ -51,23 +36,24 @@ Eigen::Matrix<double, 6, 6> Inverse(const Eigen::Matrix<double, 6, 6>& x) {
 }
 
 Eigen::Vector4f Pad(const Eigen::Vector3d& x) {
-  Eigen::Vector4f padded = Eigen::Vector4f::Zero();
-  padded.head<3>() = x.cast<float>();
-  return padded;
+  return {static_cast<float>(x[0]), static_cast<float>(x[1]), static_cast<float>(x[2]), 0};
 }
 
 }  // namespace
 
 SurfaceStep::SurfaceStep(const SurfaceProblem& problem)
-    : problem_(problem), coarse_(problem), edge_begin_(problem.num_nodes + 1, 0), row_begin_(1, 0) {
+    : problem_(problem), edge_begin_(problem.num_nodes + 1, 0), row_begin_(1, 0) {
   for (int e = 0; e < problem.arap.num_blocks(); ++e) {
     ++edge_begin_[problem.arap.nodes(e)[0] + 1];
     edge_node_.push_back(problem.arap.nodes(e)[1]);
   }
   for (int i = 0; i < problem.num_nodes; ++i) edge_begin_[i + 1] += edge_begin_[i];
   for (int row = 0; row < problem.contour.num_blocks(); ++row) {
-    row_begin_.push_back(row_begin_.back() + static_cast<int>(problem.contour.nodes(row).size()));
+    const std::span<const int> nodes = problem.contour.nodes(row);
+    row_node_.insert(row_node_.end(), nodes.begin(), nodes.end());
+    row_begin_.push_back(static_cast<int>(row_node_.size()));
   }
+  coarse_.emplace(problem, edge_begin_, edge_node_);
 }
 
 bool SurfaceStep::Linearize(const WarpField& at) {
@@ -78,7 +64,7 @@ bool SurfaceStep::Linearize(const WarpField& at) {
   smooth_diagonal_ = diagonal_;
   if (!AddContour(at)) return false;
   // It only guides the search, so that the first point's will do for all.
-  if (!coarse_.ready()) coarse_.Linearize(at);
+  if (!coarse_->ready()) coarse_->Linearize(at);
   return true;
 }
 
@@ -88,24 +74,30 @@ void SurfaceStep::AddArap(const WarpField& at) {
   const double scale = problem_.arap.scale();
   edge_levers_.resize(4, 2 * problem_.arap.num_blocks());
   for (int i = 0; i < problem_.num_nodes; ++i) {
-    Block& own = diagonal_[i];
+    Eigen::Vector3d sum_y = Eigen::Vector3d::Zero(), sum_r = sum_y, sum_torque = sum_y;
+    Eigen::Matrix3d sum_yy = Eigen::Matrix3d::Zero();
     for (int e = edge_begin_[i]; e < edge_begin_[i + 1]; ++e) {
-      const int j = problem_.arap.nodes(e)[1];
+      const int j = edge_node_[e];
       const Eigen::Vector3d y = scale * problem_.arap.Lever(at, e);
       const Eigen::Vector3d y_back = -scale * (at.rotations[j] * problem_.arap.rest(e));
       const Eigen::Vector3d r =
           scale * (problem_.arap.rest(e) + at.translations.col(i) - at.translations.col(j)) - y;
-      gradient_.col(i).head<3>() += r.cross(y);
-      gradient_.col(i).tail<3>() += scale * r;
+      sum_y += y;
+      sum_yy += y * y.transpose();
+      sum_r += r;
+      sum_torque += r.cross(y);
       gradient_.col(j).tail<3>() -= scale * r;
-      own.topLeftCorner<3, 3>() -= y * y.transpose();
-      own.topLeftCorner<3, 3>().diagonal().array() += y.squaredNorm();
-      own.topRightCorner<3, 3>() -= scale * Cross(y);
-      own.bottomRightCorner<3, 3>().diagonal().array() += 2 * scale * scale;
       edge_levers_.col(2 * e) = Pad(scale * y);
-      edge_levers_.col(2 * e + 1) = Pad(scale * y_back);
+      edge_levers_.col(2 * e + 1) = Pad(-scale * y_back);
     }
+    gradient_.col(i).head<3>() += sum_torque;
+    gradient_.col(i).tail<3>() += scale * sum_r;
+    const int num_edges = edge_begin_[i + 1] - edge_begin_[i];
+    Block& own = diagonal_[i];
+    own.topLeftCorner<3, 3>() += sum_yy.trace() * Eigen::Matrix3d::Identity() - sum_yy;
+    own.topRightCorner<3, 3>() -= scale * Cross(sum_y);
     own.bottomLeftCorner<3, 3>() = own.topRightCorner<3, 3>().transpose();
+    own.bottomRightCorner<3, 3>().diagonal().array() += num_edges * 2 * scale * scale;
   }
 }
 
@@ -140,20 +132,30 @@ bool SurfaceStep::AddContour(const WarpField& at) {
 
 // Damped blocks for Multiply, and the inverses for Precondition.
 void SurfaceStep::Damp(double damping) {
-  own_blocks_.resize(4, 7 * problem_.num_nodes);
-  inverses_.setZero(4, 12 * problem_.num_nodes);
+  // The inverses only guide the search too, so that those of a small damping will do for a smaller.
+  const bool invert = inverses_.size() == 0 || damping > inverses_damping_;
+  own_blocks_.resize(4, 8 * problem_.num_nodes);
+  if (invert) {
+    inverses_.resize(4, 12 * problem_.num_nodes);
+    inverses_damping_ = damping;
+  }
   for (int i = 0; i < problem_.num_nodes; ++i) {
     Vector6 damp;
     damp.head<3>().setConstant(diagonal_[i].topLeftCorner<3, 3>().trace());
     damp.tail<3>().setConstant(diagonal_[i].bottomRightCorner<3, 3>().trace());
     damp = damping / 3 * damp.array() + std::numeric_limits<float>::min();
-    const Block smooth = smooth_diagonal_[i] + Block(damp.asDiagonal());
+    const Block& smooth = smooth_diagonal_[i];
     for (int c = 0; c < 3; ++c) {
-      own_blocks_.col(7 * i + c) = Pad(smooth.block<3, 1>(0, c));
-      own_blocks_.col(7 * i + 3 + c) = Pad(smooth.block<3, 1>(3, 3 + c));
+      own_blocks_.col(8 * i + 2 * c) = Pad(smooth.block<3, 1>(0, c));
+      own_blocks_.col(8 * i + 2 * c + 1) = Pad(smooth.block<3, 1>(3, 3 + c));
+      own_blocks_(c, 8 * i + 2 * c) += static_cast<float>(damp[0]);
+      own_blocks_(c, 8 * i + 2 * c + 1) += static_cast<float>(damp[3]);
     }
-    // [Z]x stands in the lower left corner.
-    own_blocks_.col(7 * i + 6) = Pad({smooth(5, 1), smooth(3, 2), smooth(4, 0)});
+    // [z]x stands in the lower left corner.
+    const Eigen::Vector3d z(smooth(5, 1), smooth(3, 2), smooth(4, 0));
+    own_blocks_.col(8 * i + 6) = Pad(z);
+    own_blocks_.col(8 * i + 7) = Pad(-z);
+    if (!invert) continue;
     const Block inverse = Inverse(diagonal_[i] + Block(damp.asDiagonal()));
     for (int c = 0; c < 6; ++c) {
       inverses_.col(12 * i + 2 * c) = Pad(inverse.block<3, 1>(0, c));
@@ -163,55 +165,23 @@ void SurfaceStep::Damp(double damping) {
 }
 
 void SurfaceStep::Multiply(const Packed& x, Packed* product) const {
-  const Float4* in = Columns(x);
-  const Float4* levers = Columns(edge_levers_);
-  Float4* out = Columns(product);
   const auto twice_square = static_cast<float>(2 * problem_.arap.scale() * problem_.arap.scale());
-  for (int i = 0; i < problem_.num_nodes; ++i) {
-    const Float4 omega = in[2 * i], t = in[2 * i + 1];
-    const Float4* own = Columns(own_blocks_) + 7 * i;
-    Float4 by_omega = Cross(t, own[6]), by_t = Cross(own[6], omega), sum_t = {};
-    for (int c = 0; c < 3; ++c) {
-      by_omega += omega[c] * own[c];
-      by_t += t[c] * own[3 + c];
-    }
-    for (int e = edge_begin_[i]; e < edge_begin_[i + 1]; ++e) {
-      const int j = edge_node_[e];
-      sum_t += in[2 * j + 1];
-      by_omega -= Cross(in[2 * j + 1], levers[2 * e]);
-      by_t -= Cross(levers[2 * e + 1], in[2 * j]);
-    }
-    out[2 * i] = by_omega;
-    out[2 * i + 1] = by_t - twice_square * sum_t;
-  }
-  const Float4* rows = Columns(row_blocks_);
-  for (int row = 0; row < problem_.contour.num_blocks(); ++row) {
-    const std::span<const int> nodes = problem_.contour.nodes(row);
-    const Float4* block = rows + 2 * row_begin_[row];
-    Float4 change = {};
-    for (size_t k = 0; k < nodes.size(); ++k) {
-      change += block[2 * k] * in[2 * nodes[k]] + block[2 * k + 1] * in[2 * nodes[k] + 1];
-    }
-    const float sum = change[0] + change[1] + change[2];
-    for (size_t k = 0; k < nodes.size(); ++k) {
-      out[2 * nodes[k]] += sum * block[2 * k];
-      out[2 * nodes[k] + 1] += sum * block[2 * k + 1];
-    }
-  }
+  const NormalEquations normal = {.num_nodes = problem_.num_nodes,
+                                  .edge_begin = edge_begin_.data(),
+                                  .edge_node = edge_node_.data(),
+                                  .levers = edge_levers_.data(),
+                                  .twice_square = twice_square,
+                                  .own = own_blocks_.data(),
+                                  .num_rows = problem_.contour.num_blocks(),
+                                  .row_begin = row_begin_.data(),
+                                  .row_node = row_node_.data(),
+                                  .rows = row_blocks_.data()};
+  kernel_.multiply(normal, x.data(), product->data());
 }
 
 void SurfaceStep::Precondition(const Packed& x, Packed* product) {
-  for (int i = 0; i < problem_.num_nodes; ++i) {
-    Eigen::Vector4f omega = Eigen::Vector4f::Zero(), t = omega;
-    for (int c = 0; c < 6; ++c) {
-      const float entry = x(c % 3, 2 * i + c / 3);
-      omega += entry * inverses_.col(12 * i + 2 * c);
-      t += entry * inverses_.col(12 * i + 2 * c + 1);
-    }
-    product->col(2 * i) = omega;
-    product->col(2 * i + 1) = t;
-  }
-  coarse_.Apply(x, product);
+  kernel_.multiply_blocks(problem_.num_nodes, inverses_.data(), x.data(), product->data());
+  coarse_->Apply(x, product);
 }
 
 void SurfaceStep::SolveInner() {
@@ -227,13 +197,15 @@ void SurfaceStep::SolveInner() {
   Precondition(residual_, &preconditioned_);
   direction_ = preconditioned_;
   float length = dot(residual_, preconditioned_);
-  const float goal = kInnerTolerance * kInnerTolerance * length;
-  for (int k = 0; k < kMaxInnerIterations && length > goal; ++k) {
+  float decrease = 0;  // of the model, times two
+  for (int k = 1; k <= kMaxInnerIterations && length > 0; ++k) {
     Multiply(direction_, &product_);
     const float curvature = dot(direction_, product_);
     if (!(curvature > 0)) break;
     const float along = length / curvature;
     step_ += along * direction_;
+    decrease += along * length;
+    if (static_cast<float>(k) * along * length <= kInnerTolerance * decrease) break;
     residual_ -= along * product_;
     Precondition(residual_, &preconditioned_);
     const float next_length = dot(residual_, preconditioned_);

@@ -4,10 +4,13 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "coarse_motion.h"
 #include "mpc/deform/surface_solver.h"
+#include "packed.h"
+#include "surface_kernel.h"
 
 namespace mpc {
 
@@ -25,9 +28,6 @@ class SurfaceStep {
  private:
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   using Block = Eigen::Matrix<double, 6, 6>;
-  // Columns of floats that end in a zero, so that SIMD takes them as they are. A vector of unknowns
-  // has two columns per node: rotation, translation.
-  using Packed = Eigen::Matrix<float, 4, Eigen::Dynamic>;
 
   void AddArap(const WarpField& at);
   bool AddContour(const WarpField& at);
@@ -38,19 +38,19 @@ class SurfaceStep {
   void SolveInner();
 
   const SurfaceProblem& problem_;
-  CoarseMotion coarse_;
+  SurfaceKernel kernel_ = BestSurfaceKernel();
+  std::optional<CoarseMotion> coarse_;
   std::vector<int> edge_begin_;                        // M+1: directed edges (i, j) by i
   std::vector<int> edge_node_;                         // j
-  std::vector<int> row_begin_;                         // of E_con
+  std::vector<int> row_begin_, row_node_;              // of E_con
   Eigen::Matrix<double, 6, Eigen::Dynamic> gradient_;  // 6xM
   // The 6x6 blocks on the diagonal of J^T J: all of it, and without E_con, which Multiply applies
   // row by row.
   std::vector<Block> diagonal_, smooth_diagonal_;
 
-  Packed edge_levers_;  // 2 columns per edge: scale^2 R_i (g^_i - g^_j) and the same of (j, i)
-  Packed row_blocks_;   // 2 columns per node of a row
-  Packed own_blocks_;   // 7 columns per node: rotation 3, translation 3, sum of its levers
-  Packed inverses_;     // 12 columns per node: of diagonal_, damped
+  // What NormalEquations refers to; inverses_: of diagonal_, damped.
+  Packed edge_levers_, row_blocks_, own_blocks_, inverses_;
+  double inverses_damping_ = 0;
   Packed step_, residual_, direction_, product_, preconditioned_;
 };
 

@@ -60,12 +60,11 @@ MaskReader::MaskReader(const fs::path& path, int width, int height)
 
 bool MaskReader::Read(cv::Mat* mask) {
   if (!video_.Read(&bgr_)) return false;
-  cv::Mat channels[3];
-  cv::split(bgr_(cv::Rect(0, 0, width_, height_)), channels);
-  const cv::Mat brightest = cv::max(cv::max(channels[0], channels[1]), channels[2]);
+  const cv::Mat picture = bgr_(cv::Rect(0, 0, width_, height_));
   double largest = 255;
-  if (!is_video_) cv::minMaxLoc(brightest, nullptr, &largest);
-  *mask = brightest > (largest > 127 ? 127 : 0);
+  if (!is_video_) cv::minMaxLoc(picture.reshape(1), nullptr, &largest);
+  cv::inRange(picture, cv::Scalar::all(0), cv::Scalar::all(largest > 127 ? 127 : 0), *mask);
+  cv::bitwise_not(*mask, *mask);
   return true;
 }
 
@@ -74,8 +73,7 @@ MaskVideoWriter::MaskVideoWriter(const fs::path& path, int width, int height, do
 
 void MaskVideoWriter::Write(const cv::Mat& mask) {
   CheckMask("masks", mask);
-  cv::merge(std::vector<cv::Mat>{mask, mask, mask}, bgr_);
-  video_.Write(bgr_);
+  video_.Write(mask);
 }
 
 PictureFolderWriter::PictureFolderWriter(const fs::path& folder) : folder_(folder) {

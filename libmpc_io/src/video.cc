@@ -8,10 +8,13 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/videoio.hpp>
+#include <optional>
 #include <set>
+#include <stdexcept>
 #include <system_error>
 #include <vector>
 
+#include "h264_encoder.h"
 #include "mpc/core/error.h"
 #include "mpc/io/atomic_file.h"
 
@@ -49,6 +52,7 @@ struct VideoReader::Impl {
   cv::VideoCapture capture;
   std::vector<fs::path> pictures;  // instead of the capture
   cv::Mat first;                   // decoded when the file was opened
+  const cv::Mat unwanted{1, 1, CV_8U};
   double first_time_s = 0;
   int width = 0;
   int height = 0;
@@ -57,8 +61,9 @@ struct VideoReader::Impl {
   int index = -1;
   double time_s = 0;
 
-  // The next frame in the file and its time; an empty frame after the last.
-  cv::Mat Decode(double* decoded_time_s) {
+  // The next frame in the file and its time; an empty frame after the last. One that nobody wants is
+  // decoded, but not made BGR: any picture stands for it.
+  cv::Mat Decode(double* decoded_time_s, bool want = true) {
     cv::Mat frame;
     try {
       if (!pictures.empty()) {
@@ -69,7 +74,12 @@ struct VideoReader::Impl {
         if (frame.empty()) ThrowBadFile(pictures[next], "not a readable picture");
         return frame;
       }
-      capture.read(frame);
+      if (!capture.grab()) return frame;
+      if (want) {
+        capture.retrieve(frame);
+      } else {
+        frame = unwanted;
+      }
       *decoded_time_s = capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
       // The last frames, drained from the decoder, come without a time of their own.
       if (index >= 0 && *decoded_time_s <= 0) *decoded_time_s = time_s + 1 / fps;
@@ -77,6 +87,26 @@ struct VideoReader::Impl {
       ThrowBadFile(path, fmt::format("frame {} cannot be decoded: {}", index + 1, e.what()));
     }
     return frame;
+  }
+
+  // Goes on by a frame; false after the last.
+  bool Next(bool want, cv::Mat* frame) {
+    double next_time_s = first_time_s;
+    cv::Mat next;
+    if (index < 0) {
+      cv::swap(next, first);
+    } else {
+      next = Decode(&next_time_s, want);
+    }
+    if (next.empty()) {
+      CheckEnd();
+      return false;
+    }
+    ++index;
+    if (index > 0) CheckStep(next_time_s - time_s);
+    time_s = next_time_s;
+    if (want) *frame = std::move(next);
+    return true;
   }
 
   void CheckEnd() const {
@@ -142,21 +172,11 @@ int VideoReader::num_frames() const { return impl_->num_frames; }
 int VideoReader::frame_index() const { return impl_->index; }
 double VideoReader::frame_time_s() const { return impl_->time_s; }
 
+bool VideoReader::Skip() { return impl_->Next(/*want=*/false, nullptr); }
+
 bool VideoReader::Read(cv::Mat* bgr) {
-  double time_s = impl_->first_time_s;
   cv::Mat frame;
-  if (impl_->index < 0) {
-    cv::swap(frame, impl_->first);
-  } else {
-    frame = impl_->Decode(&time_s);
-  }
-  if (frame.empty()) {
-    impl_->CheckEnd();
-    return false;
-  }
-  ++impl_->index;
-  if (impl_->index > 0) impl_->CheckStep(time_s - impl_->time_s);
-  impl_->time_s = time_s;
+  if (!impl_->Next(/*want=*/true, &frame)) return false;
   if (frame.cols != impl_->width || frame.rows != impl_->height || frame.type() != CV_8UC3) {
     ThrowBadFile(impl_->path, fmt::format("frame {} is {} x {}, the first is {} x {}", impl_->index,
                                           frame.cols, frame.rows, impl_->width, impl_->height));
@@ -174,8 +194,19 @@ struct VideoWriter::Impl {
   int height;
   int num_frames = 0;
   AtomicFile file;  // before the encoder, which must let go of the file first
-  cv::VideoWriter encoder;
+  std::optional<H264Encoder> encoder;
   cv::Mat padded;
+
+  // What the encoder does; it finds nothing wrong with a full disk.
+  template <typename Work>
+  void Encode(const Work& work) {
+    try {
+      work();
+    } catch (const std::runtime_error& e) {
+      throw Error(ErrorCode::kWriteFailed,
+                  fmt::format("cannot write {}: {}", path.string(), e.what()));
+    }
+  }
 
   // What is wrong with the finished file; empty if nothing.
   std::string Fault() const {
@@ -201,12 +232,13 @@ VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps
   impl_ = std::make_unique<Impl>(path, width, height);
   WriteFileAtomically(impl_->file.temporary(), "");  // says why, where the encoder would not
   const cv::Size even_size((width + 1) / 2 * 2, (height + 1) / 2 * 2);
-  impl_->encoder.open(impl_->file.temporary().string(), cv::CAP_FFMPEG,
-                      cv::VideoWriter::fourcc('a', 'v', 'c', '1'), fps, even_size);
-  if (!impl_->encoder.isOpened()) {
+  try {
+    impl_->encoder.emplace(impl_->file.temporary().string(), even_size.width, even_size.height,
+                           fps);
+  } catch (const std::runtime_error& e) {
     throw Error(ErrorCode::kUnsupported,
-                fmt::format("{}: OpenCV cannot write H.264 of {} x {} at {} frames per second",
-                            path.string(), even_size.width, even_size.height, fps));
+                fmt::format("{}: no H.264 of {} x {} at {} frames per second: {}", path.string(),
+                            even_size.width, even_size.height, fps, e.what()));
   }
 }
 
@@ -214,26 +246,31 @@ VideoWriter::~VideoWriter() = default;
 VideoWriter::VideoWriter(VideoWriter&&) noexcept = default;
 VideoWriter& VideoWriter::operator=(VideoWriter&&) noexcept = default;
 
-void VideoWriter::Write(const cv::Mat& bgr) {
-  if (bgr.cols != impl_->width || bgr.rows != impl_->height || bgr.type() != CV_8UC3) {
+void VideoWriter::Write(const cv::Mat& picture) {
+  if (picture.cols != impl_->width || picture.rows != impl_->height ||
+      (picture.type() != CV_8UC3 && picture.type() != CV_8UC1)) {
     throw Error(ErrorCode::kInvalidArgument,
-                fmt::format("{}: a frame of {} x {} and type {}, expected {} x {} BGR",
-                            impl_->path.string(), bgr.cols, bgr.rows, bgr.type(), impl_->width,
-                            impl_->height));
+                fmt::format("{}: a frame of {} x {} and type {}, expected {} x {} BGR or grey",
+                            impl_->path.string(), picture.cols, picture.rows, picture.type(),
+                            impl_->width, impl_->height));
   }
-  if (impl_->width % 2 == 0 && impl_->height % 2 == 0) {
-    impl_->encoder.write(bgr);
-  } else {
-    cv::copyMakeBorder(bgr, impl_->padded, 0, impl_->height % 2, 0, impl_->width % 2,
+  cv::Mat even = picture;
+  if (impl_->width % 2 != 0 || impl_->height % 2 != 0) {
+    cv::copyMakeBorder(picture, impl_->padded, 0, impl_->height % 2, 0, impl_->width % 2,
                        cv::BORDER_REPLICATE);
-    impl_->encoder.write(impl_->padded);
+    even = impl_->padded;
   }
+  impl_->Encode([&] { impl_->encoder->Write(even); });
   ++impl_->num_frames;
 }
 
 void VideoWriter::Close() {
-  impl_->encoder.release();
-  const std::string fault = impl_->num_frames == 0 ? "no frame was written" : impl_->Fault();
+  std::string fault = "no frame was written";
+  if (impl_->num_frames > 0) {
+    impl_->Encode([&] { impl_->encoder->Finish(); });
+    impl_->encoder.reset();
+    fault = impl_->Fault();
+  }
   if (!fault.empty()) {
     throw Error(ErrorCode::kWriteFailed,
                 fmt::format("cannot write {}: {}", impl_->path.string(), fault));

@@ -53,8 +53,13 @@ SurfaceTopology SurfaceTopology::FromMesh(const TriangleMesh& mesh) {
 
 void ModelMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                const SurfaceTopology& topology, cv::Mat* mask) {
-  const double near_m = RasterOptions().near_m;
-  const Outline outline = ComputeOutline(camera, positions_in_camera, topology, near_m);
+  const Outline outline =
+      ComputeOutline(camera, positions_in_camera, topology, RasterOptions().near_m);
+  DrawOutlineMask(camera, positions_in_camera, topology, outline, mask);
+}
+
+void DrawOutlineMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                     const SurfaceTopology& topology, const Outline& outline, cv::Mat* mask) {
   mask->create(camera.height, camera.width, CV_8UC1);
   mask->setTo(0);
   const cv::Rect bounds = ScreenBounds(camera, outline.vertices);
@@ -67,7 +72,8 @@ void ModelMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera
                     outline.vertices[static_cast<size_t>(edge.v1)], weight);
   }
   for (const int t : outline.clipped) {
-    winding.AddFan(ClippedTriangle(camera, positions_in_camera, topology.triangles.col(t), near_m));
+    winding.AddFan(ClippedTriangle(camera, positions_in_camera, topology.triangles.col(t),
+                                   RasterOptions().near_m));
   }
   winding.Resolve((*mask)(bounds));
 }

@@ -30,4 +30,8 @@ struct Outline {
 Outline ComputeOutline(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                        const SurfaceTopology& topology, double near_m);
 
+// M from its outline: ModelMask.
+void DrawOutlineMask(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                     const SurfaceTopology& topology, const Outline& outline, cv::Mat* mask);
+
 }  // namespace mpc

@@ -48,14 +48,6 @@ Weights RayWeights(const Eigen::Matrix3d& x_in_camera) {
   return weights;
 }
 
-// 1 / z to z, 0 stays. Without branches, so that it vectorises.
-void InvertSeen(float* values, int count) {
-  for (int i = 0; i < count; ++i) {
-    const uint32_t seen = std::bit_cast<uint32_t>(values[i]) != 0 ? ~0u : 0u;
-    values[i] = std::bit_cast<float>(std::bit_cast<uint32_t>(1 / values[i]) & seen);
-  }
-}
-
 void FillBarycentric(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                      const Triangles& triangles, const std::vector<ScreenVertex>& vertices,
                      const cv::Rect& bounds, RasterBuffers* buffers) {
@@ -144,6 +136,14 @@ void Rasterize(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera
 }
 
 }  // namespace
+
+void InvertSeen(float* values, int count) {
+  // Without branches, so that it vectorises.
+  for (int i = 0; i < count; ++i) {
+    const uint32_t seen = std::bit_cast<uint32_t>(values[i]) != 0 ? ~0u : 0u;
+    values[i] = std::bit_cast<float>(std::bit_cast<uint32_t>(1 / values[i]) & seen);
+  }
+}
 
 void RasterizeMesh(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
                    const Triangles& triangles, const RasterOptions& options,

@@ -34,4 +34,7 @@ void FillTrianglesScalar(const ScreenVertex* vertices, const int* corners, int c
 // The fastest kernel this machine runs: eight pixels at a time with AVX2, else the scalar one.
 TriangleKernel BestTriangleKernel();
 
+// 1 / z to z; 0 stays.
+void InvertSeen(float* values, int count);
+
 }  // namespace mpc

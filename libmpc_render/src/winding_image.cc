@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstring>
 #include <utility>
 
 namespace mpc {
@@ -35,9 +36,9 @@ void WindingImage::AddEdge(const ScreenVertex& a, const ScreenVertex& b, int wei
   int64_t remainder = crossing + divisor - 1 - x * divisor;
   const int64_t step = FloorDivide(dx, dy);
   const int64_t step_remainder = (dx - step * dy) * kSubpixels;
-  int* row = change_.data() + static_cast<ptrdiff_t>(y_begin - bounds_.y) * bounds_.width;
+  uint16_t* row = change_.data() + static_cast<ptrdiff_t>(y_begin - bounds_.y) * bounds_.width;
   for (int y = y_begin; y < y_end; ++y, row += bounds_.width) {
-    if (x < bounds_.width) row[std::max<int64_t>(0, x)] += entered;
+    if (x < bounds_.width) row[std::max<int64_t>(0, x)] += static_cast<uint16_t>(entered);
     x += step;
     remainder += step_remainder;
     if (remainder >= divisor) {
@@ -62,14 +63,22 @@ void WindingImage::AddFan(const std::vector<ScreenVertex>& polygon) {
 }
 
 void WindingImage::Resolve(cv::Mat mask) const {
-  const int* change = change_.data();
+  constexpr int kBlock = 8;  // pixels that are looked at together: few of them change anything
+  const uint16_t* change = change_.data();
   for (int y = 0; y < bounds_.height; ++y, change += bounds_.width) {
     uchar* out = mask.ptr<uchar>(y);
-    int winding = 0;
-    for (int x = 0; x < bounds_.width; ++x) {
-      winding += change[x];
-      out[x] = winding != 0 ? 255 : 0;
+    uint16_t winding = 0;
+    int x = 0;
+    for (; x + kBlock <= bounds_.width; x += kBlock) {
+      uint64_t changes[2];
+      std::memcpy(changes, change + x, sizeof changes);
+      if ((changes[0] | changes[1]) == 0) {
+        std::memset(out + x, winding != 0 ? 255 : 0, kBlock);
+        continue;
+      }
+      for (int i = x; i < x + kBlock; ++i) out[i] = (winding += change[i]) != 0 ? 255 : 0;
     }
+    for (; x < bounds_.width; ++x) out[x] = (winding += change[x]) != 0 ? 255 : 0;
   }
 }
 

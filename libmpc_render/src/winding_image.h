@@ -4,6 +4,7 @@
 // Symbols: screen coordinates as in screen.h.
 #pragma once
 
+#include <cstdint>
 #include <opencv2/core.hpp>
 #include <vector>
 
@@ -31,7 +32,8 @@ class WindingImage {
 
  private:
   cv::Rect bounds_;
-  std::vector<int> change_;  // from the pixel to the left, row by row
+  // From the pixel to the left, row by row; modulo 2^16, which no number of layers reaches.
+  std::vector<uint16_t> change_;
 };
 
 }  // namespace mpc

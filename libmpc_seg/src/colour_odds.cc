@@ -19,20 +19,49 @@ constexpr float kShadowShare = 0.1F;  // of those are in a shadow that the plate
 constexpr float kDarkest = 0.4F;      // share of the light that a shadow leaves, at least
 constexpr float kPlateNoise = 5;      // of sensor and codec, colour steps
 
+// What PlateDensity needs to know of a spread.
+class PlateTable {
+ public:
+  struct Entry {
+    float exponent;      // -1 / (2 variance)
+    float lit_scale;     // of the density around a point,
+    float shaded_scale;  // and around a line
+    float shaded_width;
+
+    float Gaussian(float squared_distance) const {
+      const float x = exponent * squared_distance;
+      return x < kNegligible ? 0 : std::exp(x);
+    }
+  };
+
+  PlateTable() {
+    for (size_t spread = 0; spread < entries_.size(); ++spread) {
+      const float variance =
+          kPlateNoise * kPlateNoise + static_cast<float>(spread) * static_cast<float>(spread);
+      const float in_plane = 2 * std::numbers::pi_v<float> * variance;
+      entries_[spread] = {-1 / (2 * variance), 1 / (in_plane * std::sqrt(in_plane)), 1 / in_plane,
+                          2.5F * std::sqrt(variance)};
+    }
+  }
+  const Entry& operator[](uint8_t spread) const { return entries_[spread]; }
+
+ private:
+  static constexpr float kNegligible = -40;
+  std::array<Entry, 256> entries_;
+};
+
 }  // namespace
 
 float PlateDensity(const cv::Vec3b& bgr, const cv::Vec3b& plate, uint8_t spread) {
+  static const PlateTable table;
+  const PlateTable::Entry& at = table[spread];
   const Eigen::Vector3f colour(bgr[0], bgr[1], bgr[2]), known(plate[0], plate[1], plate[2]);
-  const float variance = kPlateNoise * kPlateNoise + static_cast<float>(spread) * spread;
-  const float in_plane = 2 * std::numbers::pi_v<float> * variance;
-  const float sigma = std::sqrt(variance);
-  const float lit =
-      std::exp(-(colour - known).squaredNorm() / (2 * variance)) / (in_plane * std::sqrt(in_plane));
+  const float known_square = known.squaredNorm();
+  const float lit = at.Gaussian((colour - known).squaredNorm()) * at.lit_scale;
   // Uniform along the way from kDarkest of the colour to the colour, Gaussian across.
-  const float light =
-      std::clamp(colour.dot(known) / std::max(known.squaredNorm(), 1.F), kDarkest, 1.F);
-  const float shaded = std::exp(-(colour - light * known).squaredNorm() / (2 * variance)) /
-                       (in_plane * ((1 - kDarkest) * known.norm() + 2.5F * sigma));
+  const float light = std::clamp(colour.dot(known) / std::max(known_square, 1.F), kDarkest, 1.F);
+  const float shaded = at.Gaussian((colour - light * known).squaredNorm()) * at.shaded_scale /
+                       ((1 - kDarkest) * std::sqrt(known_square) + at.shaded_width);
   return (1 - kShadowShare) * lit + kShadowShare * shaded;
 }
 

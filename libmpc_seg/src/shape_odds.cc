@@ -13,6 +13,7 @@ constexpr double kMinPlaces = 20;
 constexpr double kPriorPlaces = 10;  // with the whole outline's error, added to every neighbourhood
 constexpr double kMinSigmaPx = 0.5;
 constexpr double kGrossShare = 0.05;
+constexpr double kFarSquared = 36;  // in sigma^2: a Gaussian is less than a float's rounding there
 constexpr double kCellsPerReach = 4;  // of the sums over a neighbourhood
 
 // Standard deviation of a Gaussian whose mean absolute value is one.
@@ -112,8 +113,10 @@ cv::Mat1f OutlineStrength(const cv::Mat1f& distance, const cv::Mat1f& precision,
   for (int y = 0; y < strength.rows; ++y) {
     for (int x = 0; x < strength.cols; ++x) {
       const double z = distance(y, x) * precision(y, x), sharp = sharp_px * precision(y, x);
-      strength(y, x) =
-          static_cast<float>(1 - discount * std::min(1.0, sharp * sharp) * std::exp(-0.5 * z * z));
+      strength(y, x) = z * z > kFarSquared
+                           ? 1
+                           : static_cast<float>(1 - discount * std::min(1.0, sharp * sharp) *
+                                                        std::exp(-0.5 * z * z));
     }
   }
   return strength;

@@ -207,7 +207,10 @@ class Extraction {
     }
     cv::Mat1f to_actor = distance_;  // to the outline of M and what was cut before
     if (options_.keep_earlier && !frame_.earlier.empty()) {
-      to_actor = SignedDistance(model_ | SmallMask(Crop(frame_.earlier, crop_), size));
+      const cv::Mat outside = ~(model_ | SmallMask(Crop(frame_.earlier, crop_), size));
+      cv::Mat1f distance;
+      cv::distanceTransform(outside, distance, cv::DIST_L2, cv::DIST_MASK_5);
+      to_actor = cv::Mat1f(0.5 - distance);
     }
     trimap_.create(size, CV_8U);
     shape_.create(size);
@@ -335,7 +338,10 @@ class Extraction {
                            options_.band_colours ? kOutlierShare : 0, !options_.coarse_to_fine);
       ReadColours();
       SetLogOdds(0, {}, &problem);
-      labels_ = SolveGridCut(problem).labels;
+      // To measure M's error by, the earlier silhouette will do.
+      const bool cut_before = options_.weight_measured > 0 && !frame_.earlier.empty();
+      labels_ = cut_before ? SmallMask(Crop(frame_.earlier, crop_), small().size()) & 1
+                           : SolveGridCut(problem).labels;
     }
     if (options_.weight_measured > 0) {
       const double small_size = std::ldexp(actor_size_, -num_halvings_);

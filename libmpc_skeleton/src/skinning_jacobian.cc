@@ -58,6 +58,37 @@ Eigen::Matrix<double, 3, 8> BlendDerivative(const DualQuaterniond& blend, const 
   return derivative;
 }
 
+// x' of BlendDerivative alone.
+Vector3d MovedPoint(const DualQuaterniond& blend, const Vector3d& x) {
+  const double w = blend.real.w();
+  const Vector3d r = blend.real.vec();
+  const Vector3d d = blend.dual.vec();
+  const Vector3d n = r.cross(r.cross(x) + w * x + d) + w * d - blend.dual.w() * r;
+  return x + 2 / blend.real.squaredNorm() * n;
+}
+
+// Its derivative's transpose times a direction.
+Eigen::Matrix<double, 8, 1> BlendGradient(const DualQuaterniond& blend, const Vector3d& x,
+                                          const Vector3d& direction) {
+  const double w = blend.real.w();
+  const Vector3d r = blend.real.vec();
+  const Vector3d d = blend.dual.vec();
+  const Vector3d turned = r.cross(x) + d;
+  const Vector3d inner = turned + w * x;
+  const Vector3d n = r.cross(inner) + w * d - blend.dual.w() * r;
+  const double scale = 2 / blend.real.squaredNorm();
+  const Vector3d scaled = scale * direction;
+  const Vector3d crossed = r.cross(scaled);
+  const double along = scale * n.dot(scaled);
+  Eigen::Matrix<double, 8, 1> gradient;
+  gradient[0] = turned.dot(scaled) - along * w;
+  gradient.segment<3>(1) =
+      inner.cross(scaled) - x.cross(crossed) - blend.dual.w() * scaled - along * r;
+  gradient[4] = -r.dot(scaled);
+  gradient.tail<3>() = w * scaled - crossed;
+  return gradient;
+}
+
 // Derivative of a product twist * q / 2 with respect to the twist, a pure quaternion: 4x3, rows w,
 // x, y, z.
 Eigen::Matrix<double, 4, 3> HalfRightFactor(const Quaterniond& q) {
@@ -129,71 +160,66 @@ void VertexSkinner::Update(const KinematicState& state) {
   const int num_segments = character_->skeleton.num_segments();
   motions_.resize(static_cast<size_t>(num_segments));
   for (int s = 0; s < num_segments; ++s) {
-    motions_[static_cast<size_t>(s)] = SegmentMotion(character_->bind, state, s);
+    Motion& motion = motions_[static_cast<size_t>(s)];
+    motion.motion = SegmentMotion(character_->bind, state, s);
+    motion.real_factor = HalfRightFactor(motion.motion.real);
+    motion.dual_factor = HalfRightFactor(motion.motion.dual);
   }
   root_ = state.origins.col(0);
   hinge_begin_ = state.hinge_begin;
-  axes_ = state.hinge_axes;
-  moments_.resize(3, axes_.cols());
+  hinge_twists_.resize(6, state.hinge_axes.cols());
+  hinge_twists_.topRows<3>() = state.hinge_axes;
   for (int s = 1; s < num_segments; ++s) {
     const Vector3d origin = state.origins.col(s);
     for (int h = hinge_begin_[s]; h < hinge_begin_[s + 1]; ++h) {
-      moments_.col(h) = origin.cross(Vector3d(axes_.col(h)));
+      hinge_twists_.col(h).tail<3>() = origin.cross(Vector3d(state.hinge_axes.col(h)));
     }
   }
 }
 
 DualQuaterniond VertexSkinner::Blend(int vertex) const {
-  const DualQuaterniond& pivot = motions_[character_->segments(0, vertex)];
+  const DualQuaterniond& pivot = motions_[character_->segments(0, vertex)].motion;
   DualQuaterniond blend;
   for (Eigen::Index k = 0; k < character_->segments.rows(); ++k) {
     const double weight = character_->weights(k, vertex);
     if (weight == 0) continue;
-    const DualQuaterniond& motion = motions_[character_->segments(k, vertex)];
+    const DualQuaterniond& motion = motions_[character_->segments(k, vertex)].motion;
     Add(motion.real.dot(pivot.real) < 0 ? -weight : weight, motion, &blend);
   }
   return blend;
 }
 
 Vector3d VertexSkinner::Position(int vertex) const {
-  Vector3d moved;
-  BlendDerivative(Blend(vertex), character_->mesh.positions.col(vertex).cast<double>(), &moved);
-  return moved;
+  return MovedPoint(Blend(vertex), character_->mesh.positions.col(vertex).cast<double>());
 }
 
 void VertexSkinner::Derivative(int vertex, const Vector3d& direction,
                                Eigen::Ref<Eigen::VectorXd> row) const {
   const Skeleton& skeleton = character_->skeleton;
-  Vector3d moved;
-  const Eigen::Matrix<double, 8, 1> from_blend =
-      BlendDerivative(Blend(vertex), character_->mesh.positions.col(vertex).cast<double>(), &moved)
-          .transpose() *
-      direction;
+  const Vector3d x = character_->mesh.positions.col(vertex).cast<double>();
+  const DualQuaterniond blend = Blend(vertex);
+  const Eigen::Matrix<double, 8, 1> from_blend = BlendGradient(blend, x, direction);
   row.head<3>() = direction;
-  row.segment<3>(3) = (moved - root_).cross(direction);
+  row.segment<3>(3) = (MovedPoint(blend, x) - root_).cross(direction);
 
-  angular_.setZero(3, skeleton.num_segments());
-  linear_.setZero(3, skeleton.num_segments());
-  const Quaterniond& pivot = motions_[character_->segments(0, vertex)].real;
+  twists_.setZero(6, skeleton.num_segments());
+  const Quaterniond& pivot = motions_[character_->segments(0, vertex)].motion.real;
   for (Eigen::Index k = 0; k < character_->segments.rows(); ++k) {
     double weight = character_->weights(k, vertex);
     if (weight == 0) continue;
     const int s = character_->segments(k, vertex);
-    const DualQuaterniond& motion = motions_[s];
-    if (motion.real.dot(pivot) < 0) weight = -weight;
-    const Eigen::Matrix<double, 4, 3> real = HalfRightFactor(motion.real);
-    linear_.col(s) += weight * real.transpose() * from_blend.tail<4>();
-    angular_.col(s) += weight * (real.transpose() * from_blend.head<4>() +
-                                 HalfRightFactor(motion.dual).transpose() * from_blend.tail<4>());
+    const Motion& m = motions_[s];
+    if (m.motion.real.dot(pivot) < 0) weight = -weight;
+    twists_.col(s).head<3>() += weight * (m.real_factor.transpose() * from_blend.head<4>() +
+                                          m.dual_factor.transpose() * from_blend.tail<4>());
+    twists_.col(s).tail<3>() += weight * (m.real_factor.transpose() * from_blend.tail<4>());
   }
   // A hinge twists all segments beyond it.
   for (int s = skeleton.num_segments() - 1; s > 0; --s) {
     for (int h = hinge_begin_[s]; h < hinge_begin_[s + 1]; ++h) {
-      row[6 + h] = angular_.col(s).dot(axes_.col(h)) + linear_.col(s).dot(moments_.col(h));
+      row[6 + h] = twists_.col(s).dot(hinge_twists_.col(h));
     }
-    const int parent = skeleton.segments[s].parent;
-    angular_.col(parent) += angular_.col(s);
-    linear_.col(parent) += linear_.col(s);
+    twists_.col(skeleton.segments[s].parent) += twists_.col(s);
   }
 }
 

@@ -87,6 +87,7 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   EXPECT_TRUE(json["proportions"]["parts"]["thigh"]["uncertainty"].is_number());
   for (const char* stage : {"video", "pose", "world", "files", "refinement", "overlay"}) {
     EXPECT_TRUE(json["seconds"][stage].is_number()) << stage;
+    EXPECT_TRUE(json["core_seconds"][stage].is_number()) << stage;
   }
   const size_t num_joints = json["joints"].size();
   EXPECT_GE(num_joints, size_t{kNumPaperJoints});

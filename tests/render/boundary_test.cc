@@ -25,6 +25,15 @@ class BoundaryTest : public ::testing::Test {
     RasterBuffers buffers;
     RasterizeMesh(camera_, positions, bind.triangles, {}, &buffers);
     depth_ = buffers.depth;
+    for (const bool drop_hidden : {false, true}) {
+      const ModelBoundary expected =
+          FindModelBoundary(camera_, positions, topology, mask_, drop_hidden ? depth_ : cv::Mat());
+      const ModelBoundary drawn =
+          DrawModelBoundary(camera_, positions, topology, drop_hidden, &drawn_buffers_);
+      EXPECT_EQ(drawn.vertices, expected.vertices);
+      EXPECT_LT((drawn.pixels - expected.pixels).norm(), 1e-9);
+      EXPECT_LT((drawn.normals - expected.normals).norm(), 1e-9);
+    }
     return FindModelBoundary(camera_, positions, topology, mask_, depth_);
   }
   // Distance of a pixel from the outline of a ball: the angle between the ray and the tangent cone.
@@ -34,6 +43,7 @@ class BoundaryTest : public ::testing::Test {
   }
   Camera camera_ = Camera::FromFov(640, 480, 1);
   cv::Mat mask_, depth_;
+  BoundaryBuffers drawn_buffers_;  // of all meshes in turn: what is left in it means nothing
 };
 
 TEST_F(BoundaryTest, ABallHasItsTangentConeAsBoundary) {

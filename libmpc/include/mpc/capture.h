@@ -61,6 +61,7 @@ struct CaptureOptions {
 struct StageSeconds {
   std::string stage;
   double seconds = 0;
+  double core_seconds = 0;  // of all threads of the process, encoders and decoders among them
 };
 
 // What came out; report.json holds the same (docs/formats.md, "Report").

@@ -63,10 +63,7 @@ struct Correspondences {
 };
 
 // Buffers of FindCorrespondences; reuse them over frames, one per thread.
-struct CorrespondenceScratch {
-  RasterBuffers raster;
-  cv::Mat mask;
-};
+using CorrespondenceScratch = BoundaryBuffers;
 
 // The outline of a silhouette, made once per frame for all iterations. Points within 2 px of the
 // picture's border are left out: what the picture cuts off has no outline there. Throws Error

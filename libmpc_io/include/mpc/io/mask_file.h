@@ -46,7 +46,6 @@ class MaskVideoWriter {
 
  private:
   VideoWriter video_;
-  cv::Mat bgr_;
 };
 
 // Writes pictures as 000000.png, 000001.png, ... into a folder, which is made when it is missing.

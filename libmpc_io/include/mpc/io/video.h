@@ -33,7 +33,11 @@ class VideoReader {
   // size changes; kUnsupported for a variable frame rate.
   bool Read(cv::Mat* bgr);
 
-  // Of the frame read last: its index, and its time in the file.
+  // Passes over the next frame for less than it costs to read it; false after the last. Throws Error
+  // as Read, but does not see the size change.
+  bool Skip();
+
+  // Of the frame read or passed over last: its index, and its time in the file.
   int frame_index() const;
   double frame_time_s() const;
 
@@ -53,8 +57,8 @@ class VideoWriter {
   VideoWriter(VideoWriter&&) noexcept;
   VideoWriter& operator=(VideoWriter&&) noexcept;
 
-  // Throws Error (kInvalidArgument) for another size or type than 8-bit BGR.
-  void Write(const cv::Mat& bgr);
+  // Throws Error: kInvalidArgument for another size or type than 8-bit BGR or grey, kWriteFailed.
+  void Write(const cv::Mat& picture);
 
   // Finishes the file, reads it again to make sure that every frame is there (encoders do not
   // report a full disk) and moves it to its place. Throws Error (kWriteFailed).

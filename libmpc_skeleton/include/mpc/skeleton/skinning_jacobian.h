@@ -42,14 +42,19 @@ class VertexSkinner {
  private:
   DualQuaterniond Blend(int vertex) const;
 
+  struct Motion {
+    DualQuaterniond motion;
+    // Its derivative by a twist of the segment: real by angular and dual by linear, dual by angular.
+    Eigen::Matrix<double, 4, 3> real_factor, dual_factor;
+  };
+
   const Character* character_;
   Eigen::Vector3d root_ = Eigen::Vector3d::Zero();
-  std::vector<DualQuaterniond> motions_;  // S
-  std::vector<int> hinge_begin_;          // S+1
-  Eigen::Matrix3Xd axes_;                 // 3xH: of the hinges,
-  Eigen::Matrix3Xd moments_;              // 3xH: and origin x axis
-  // Scratch, 3xS: what a twist of the segment (angular, linear) does to the vertex.
-  mutable Eigen::Matrix3Xd angular_, linear_;
+  std::vector<Motion> motions_;                            // S
+  std::vector<int> hinge_begin_;                           // S+1
+  Eigen::Matrix<double, 6, Eigen::Dynamic> hinge_twists_;  // 6xH: axis, origin x axis
+  // Scratch, 6xS: what a twist of the segment (angular, linear) does to the vertex.
+  mutable Eigen::Matrix<double, 6, Eigen::Dynamic> twists_;
 };
 
 }  // namespace mpc

@@ -1,0 +1,36 @@
+// Purpose: the products with the normal equations and with their block-diagonal preconditioner, in
+// which SolveSurface spends most of its time.
+// Symbols: M nodes. A pair is 8 floats: rotation, 0, translation, 0.
+#pragma once
+
+namespace mpc {
+
+// J^T J, and its damping, of E_surf at a point.
+struct NormalEquations {
+  int num_nodes;          // M
+  const int* edge_begin;  // M+1: edges (i, j) by i
+  const int* edge_node;   // j
+  // Per edge a pair: with Y = scale^2 [R_i (g^_i - g^_j)]x the part of (omega_i, t_j) in J^T J is
+  // Y, that of (t_i, omega_j) comes from the edge (j, i).
+  const float* levers;
+  float twice_square;  // -(t_i, t_j)
+  // Per node four pairs: columns of the 3x3 blocks (omega, omega) and (t, t), and [z, -z] with [z]x
+  // the block (t, omega).
+  const float* own;
+  int num_rows;
+  const int* row_begin;  // num_rows+1: nodes of a row of E_con
+  const int* row_node;
+  const float* rows;  // pairs
+};
+
+// product = normal x and product = blocks x; x and product have M pairs. blocks: six pairs per node,
+// the columns of its 6x6 block. The kernels for AVX2 give the same bits as those for any processor.
+struct SurfaceKernel {
+  void (*multiply)(const NormalEquations& normal, const float* x, float* product);
+  void (*multiply_blocks)(int num_nodes, const float* blocks, const float* x, float* product);
+};
+
+SurfaceKernel PortableSurfaceKernel();
+SurfaceKernel BestSurfaceKernel();  // of this processor
+
+}  // namespace mpc

@@ -1,0 +1,141 @@
+#include "h264_encoder.h"
+
+#include <opencv2/imgproc.hpp>
+#include <stdexcept>
+
+extern "C" {
+#include <libavcodec/avcodec.h>
+#include <libavformat/avformat.h>
+#include <libavutil/opt.h>
+}
+
+namespace mpc {
+namespace {
+
+constexpr int kMaxDenominator = 1001000;  // 30000 / 1001 and the like come out exactly
+constexpr int kSilent = 100;              // added to the level of messages: none is printed
+
+struct Free {
+  void operator()(AVCodecContext* p) const { avcodec_free_context(&p); }
+  void operator()(AVFrame* p) const { av_frame_free(&p); }
+  void operator()(AVPacket* p) const { av_packet_free(&p); }
+  void operator()(AVFormatContext* p) const {
+    avio_closep(&p->pb);
+    avformat_free_context(p);
+  }
+};
+
+// Not negative, or FFmpeg's words are thrown.
+int Check(int result) {
+  if (result >= 0) return result;
+  char text[AV_ERROR_MAX_STRING_SIZE] = {};
+  av_strerror(result, text, sizeof text);
+  throw std::runtime_error(text);
+}
+
+template <typename T>
+T* CheckMade(T* made) {
+  if (made == nullptr) throw std::runtime_error("FFmpeg cannot write H.264 in .mp4");
+  return made;
+}
+
+AVFormatContext* MakeFormat(const std::string& path) {
+  AVFormatContext* format = nullptr;
+  Check(avformat_alloc_output_context2(&format, nullptr, "mp4", path.c_str()));
+  return format;
+}
+
+// A plane of a frame as a picture.
+cv::Mat Plane(AVFrame* frame, int plane, const cv::Size& size) {
+  return {size, CV_8U, frame->data[plane], static_cast<size_t>(frame->linesize[plane])};
+}
+
+}  // namespace
+
+struct H264Encoder::Impl {
+  std::unique_ptr<AVFormatContext, Free> format;
+  std::unique_ptr<AVCodecContext, Free> codec;
+  std::unique_ptr<AVFrame, Free> frame;
+  std::unique_ptr<AVPacket, Free> packet;
+  AVStream* stream = nullptr;  // the format's
+  cv::Mat i420;
+
+  void Encode(AVFrame* next) {
+    Check(avcodec_send_frame(codec.get(), next));
+    for (;;) {
+      const int result = avcodec_receive_packet(codec.get(), packet.get());
+      if (result == AVERROR(EAGAIN) || result == AVERROR_EOF) return;
+      Check(result);
+      packet->duration = 1;
+      av_packet_rescale_ts(packet.get(), codec->time_base, stream->time_base);
+      packet->stream_index = stream->index;
+      Check(av_interleaved_write_frame(format.get(), packet.get()));
+    }
+  }
+};
+
+H264Encoder::H264Encoder(const std::string& path, int width, int height, double fps)
+    : impl_(new Impl) {
+  impl_->format.reset(MakeFormat(path));
+  AVFormatContext* format = impl_->format.get();
+  const AVCodec* x264 = CheckMade(avcodec_find_encoder_by_name("libx264"));
+  impl_->codec.reset(CheckMade(avcodec_alloc_context3(x264)));
+  AVCodecContext* codec = impl_->codec.get();
+  codec->log_level_offset = kSilent;
+  codec->width = width;
+  codec->height = height;
+  codec->pix_fmt = AV_PIX_FMT_YUV420P;
+  codec->framerate = av_d2q(fps, kMaxDenominator);
+  codec->time_base = av_inv_q(codec->framerate);
+  codec->max_b_frames = 0;
+  codec->flags |= format->oformat->flags & AVFMT_GLOBALHEADER ? AV_CODEC_FLAG_GLOBAL_HEADER : 0;
+  Check(av_opt_set(codec->priv_data, "preset", "superfast", 0));
+  Check(av_opt_set(codec->priv_data, "crf", "23", 0));
+  Check(avcodec_open2(codec, x264, nullptr));
+
+  impl_->stream = CheckMade(avformat_new_stream(format, nullptr));
+  impl_->stream->time_base = codec->time_base;
+  impl_->stream->avg_frame_rate = codec->framerate;
+  Check(avcodec_parameters_from_context(impl_->stream->codecpar, codec));
+  Check(avio_open(&format->pb, path.c_str(), AVIO_FLAG_WRITE));
+  Check(avformat_write_header(format, nullptr));
+
+  impl_->packet.reset(CheckMade(av_packet_alloc()));
+  impl_->frame.reset(CheckMade(av_frame_alloc()));
+  AVFrame* frame = impl_->frame.get();
+  frame->format = codec->pix_fmt;
+  frame->width = width;
+  frame->height = height;
+  frame->pts = -1;
+  Check(av_frame_get_buffer(frame, 0));
+}
+
+H264Encoder::~H264Encoder() = default;
+
+void H264Encoder::Write(const cv::Mat& picture) {
+  AVFrame* frame = impl_->frame.get();
+  Check(av_frame_make_writable(frame));
+  const cv::Size size = picture.size(), half(size.width / 2, size.height / 2);
+  cv::Mat planes[3] = {Plane(frame, 0, size), Plane(frame, 1, half), Plane(frame, 2, half)};
+  if (picture.channels() == 1) {
+    picture.convertTo(planes[0], CV_8U, 219.0 / 255, 16);
+    planes[1].setTo(128);
+    planes[2].setTo(128);
+  } else {
+    cv::cvtColor(picture, impl_->i420, cv::COLOR_BGR2YUV_I420);
+    const uchar* from = impl_->i420.data;
+    for (cv::Mat& plane : planes) {
+      cv::Mat(plane.size(), CV_8U, const_cast<uchar*>(from)).copyTo(plane);
+      from += plane.total();
+    }
+  }
+  ++frame->pts;
+  impl_->Encode(frame);
+}
+
+void H264Encoder::Finish() {
+  impl_->Encode(nullptr);
+  Check(av_write_trailer(impl_->format.get()));
+}
+
+}  // namespace mpc

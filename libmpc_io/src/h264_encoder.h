@@ -1,0 +1,28 @@
+// Purpose: H.264 in an .mp4 by libavcodec's x264 at a fast preset, which OpenCV's writer cannot ask
+// for: its default takes longer than everything else that is done to a picture.
+#pragma once
+
+#include <memory>
+#include <opencv2/core/mat.hpp>
+#include <string>
+
+namespace mpc {
+
+class H264Encoder {
+ public:
+  // Even sides. Every fault is a thrown std::runtime_error with FFmpeg's words.
+  H264Encoder(const std::string& path, int width, int height, double fps);
+  ~H264Encoder();
+
+  // CV_8UC3, or CV_8UC1 for a grey picture.
+  void Write(const cv::Mat& picture);
+
+  // Writes what the encoder still holds and the file's index. Does not report a full disk.
+  void Finish();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mpc

@@ -30,13 +30,14 @@ int Run(const DetectCommandArguments& arguments) {
   for (const std::string& warning : mpc::DetectionWarnings(detections)) {
     PrintMessage("warning", warning);
   }
-  std::printf("%s", fmt::format("{}: {} {}{}\n{} frames, looked at every {}: person found in {} of "
-                                "{}\n",
-                                arguments.output, mpc::kDetections2dName, mpc::kDetections3dName,
-                                arguments.no_overlay ? "" : " overlay.mp4",
-                                detections.detections2d.frames.size(), detections.every,
-                                detections.num_seen, detections.num_looks)
-                        .c_str());
+  std::printf(
+      "%s",
+      fmt::format("{}: {} {}{}\n{} frames, looked at every {} at most: person found in {} of "
+                  "{}\n",
+                  arguments.output, mpc::kDetections2dName, mpc::kDetections3dName,
+                  arguments.no_overlay ? "" : " overlay.mp4", detections.detections2d.frames.size(),
+                  detections.every, detections.num_seen, detections.num_looks)
+          .c_str());
   return kExitOk;
 }
 

@@ -15,6 +15,9 @@ namespace {
 
 // Looks per period of the fastest motion to keep; 2 would be enough for a band-limited signal.
 constexpr double kLooksPerPeriod = 3;
+// How far joints may be off the straight line between two looks, RMS in sides of the region, for the
+// motion to be even: 2 cm for a grown-up, which midway between looks are half a centimetre.
+constexpr double kMaxBend = 0.01;
 constexpr int kMaskSide = 128;
 constexpr double kMaxAtDistance = 0.5;  // from the person's centre, in sides of the region
 
@@ -56,6 +59,11 @@ int DetectionStride(double fps, double cutoff_hz) {
   return std::max(1, static_cast<int>(std::lround(frames)));
 }
 
+int EvenDetectionStride(double fps, double cutoff_hz) {
+  const int stride = DetectionStride(fps, cutoff_hz);
+  return 2 * stride * cutoff_hz <= fps ? 2 * stride : stride;
+}
+
 ClipDetector::ClipDetector(const PoseModels& models, int width, int height, double fps,
                            ClipDetectorOptions options)
     : tracker_(PersonDetector(Network::Read(models.detector)),
@@ -63,23 +71,78 @@ ClipDetector::ClipDetector(const PoseModels& models, int width, int height, doub
                options.tracker),
       options_(std::move(options)) {
   options_.Validate();
-  result_.every = options_.every > 0 ? options_.every : DetectionStride(fps, options_.cutoff_hz);
+  const bool is_given = options_.every > 0;
+  result_.every = is_given ? options_.every : EvenDetectionStride(fps, options_.cutoff_hz);
+  between_ = is_given ? options_.every : DetectionStride(fps, options_.cutoff_hz);
   result_.detections2d.width = width;
   result_.detections2d.height = height;
 }
 
-void ClipDetector::Look(const cv::Mat& bgr, int frame) {
-  ++result_.num_looks;
-  for (const TrackedPerson& person : tracker_.Next(bgr, frame)) {
-    Sample& sample = samples_[person.id].emplace_back();
-    sample.frame = frame;
-    sample.region = person.pose.refined;
-    sample.mask = SmallMask(person.pose, frame);
-    JointsFromBlazePose(person.pose.pixels, &sample.joints2d.pixels);
-    JointsFromBlazePose(person.pose.world, &sample.joints3d.positions);
-    sample.joints2d.confidence = JointConfidencesFromBlazePose(person.pose.Confidences());
-    sample.joints3d.confidence = sample.joints2d.confidence;
+void ClipDetector::AddSample(const PersonPose& pose, int frame, Person* person) {
+  Sample& sample = person->samples[frame];
+  sample.frame = frame;
+  sample.region = pose.refined;
+  sample.mask = SmallMask(pose, frame);
+  JointsFromBlazePose(pose.pixels, &sample.joints2d.pixels);
+  JointsFromBlazePose(pose.world, &sample.joints3d.positions);
+  sample.joints2d.confidence = JointConfidencesFromBlazePose(pose.Confidences());
+  sample.joints3d.confidence = sample.joints2d.confidence;
+}
+
+// How far the joints are off the straight line from the look before to the one after.
+double ClipDetector::Bend(const Sample& before, const Sample& at, const Sample& after) {
+  const double t = static_cast<double>(at.frame - before.frame) / (after.frame - before.frame);
+  const Eigen::Matrix2Xd off =
+      at.joints2d.pixels - (1 - t) * before.joints2d.pixels - t * after.joints2d.pixels;
+  const Eigen::VectorXd weights = at.joints2d.confidence.cwiseMin(before.joints2d.confidence)
+                                      .cwiseMin(after.joints2d.confidence);
+  const double mean_square = off.colwise().squaredNorm().dot(weights) / weights.sum();
+  return std::sqrt(mean_square) / at.region.size_px;
+}
+
+// Between this look and the next; false where no look before and after them tells.
+bool ClipDetector::MovesEvenly(const Person& person, size_t look) const {
+  bool is_known = false;
+  for (size_t i = std::max<size_t>(1, look); i <= look + 1 && i + 1 < looks_.size(); ++i) {
+    const auto before = person.samples.find(looks_[i - 1]);
+    const auto at = person.samples.find(looks_[i]);
+    const auto after = person.samples.find(looks_[i + 1]);
+    const auto end = person.samples.end();
+    if (before == end || at == end || after == end) continue;
+    if (!(Bend(before->second, at->second, after->second) < kMaxBend)) return false;
+    is_known = true;
   }
+  return is_known;
+}
+
+// At those people who are in this look and the next and do not move evenly in between.
+void ClipDetector::LookBetween(size_t look) {
+  const int begin = looks_[look], end = looks_[look + 1];
+  const auto held = held_.find(begin + between_);
+  if (held == held_.end()) return;
+  const auto& [frame, picture] = *held;
+  for (auto& [id, person] : persons_) {
+    const auto a = person.samples.find(begin);
+    const auto b = person.samples.find(end);
+    if (frame >= end || a == person.samples.end() || b == person.samples.end()) continue;
+    if (MovesEvenly(person, look)) continue;
+    ++person.num_between;
+    const double t = static_cast<double>(frame - begin) / (end - begin);
+    const std::optional<PersonPose> pose =
+        tracker_.FindExpected(picture, RegionBetween(a->second.region, b->second.region, t));
+    if (pose) AddSample(*pose, frame, &person);
+  }
+  held_.erase(held);
+}
+
+void ClipDetector::Look(const cv::Mat& bgr, int frame) {
+  for (const TrackedPerson& found : tracker_.Next(bgr, frame)) {
+    Person& person = persons_[found.id];
+    AddSample(found.pose, frame, &person);
+    person.size += std::pow(found.pose.refined.size_px, 2);
+  }
+  looks_.push_back(frame);
+  if (looks_.size() >= 3) LookBetween(looks_.size() - 3);
 }
 
 void ClipDetector::Add(const cv::Mat& bgr) {
@@ -93,33 +156,26 @@ void ClipDetector::Add(const cv::Mat& bgr) {
     last_.release();
     Look(bgr, frame);
   } else {
-    bgr.copyTo(last_);
+    last_ = bgr.clone();
+    if (frame % between_ == 0) held_[frame] = last_;
   }
 }
 
-const std::vector<ClipDetector::Sample>& ClipDetector::Choose() const {
-  struct Person {
-    double size = 0;
-    const std::vector<Sample>* samples = nullptr;
-  };
-  std::vector<Person> persons;
-  for (const auto& [id, samples] : samples_) {
-    Person& person = persons.emplace_back();
-    person.samples = &samples;
-    for (const Sample& sample : samples) person.size += std::pow(sample.region.size_px, 2);
-  }
+ClipDetector::Person& ClipDetector::Choose() {
+  std::vector<Person*> persons;
+  for (auto& [id, person] : persons_) persons.push_back(&person);
   if (persons.empty()) throw Error(ErrorCode::kMismatch, "no person was found in any frame");
   if (options_.at) {
     int first = std::numeric_limits<int>::max();
-    for (const Person& person : persons) first = std::min(first, person.samples->front().frame);
-    const std::vector<Sample>* nearest = nullptr;
+    for (const Person* person : persons) first = std::min(first, person->samples.begin()->first);
+    Person* nearest = nullptr;
     double best = kMaxAtDistance;
-    for (const Person& person : persons) {
-      const Sample& sample = person.samples->front();
+    for (Person* person : persons) {
+      const Sample& sample = person->samples.begin()->second;
       const double distance = (sample.region.center - *options_.at).norm() / sample.region.size_px;
       if (sample.frame > first || distance >= best) continue;
       best = distance;
-      nearest = person.samples;
+      nearest = person;
     }
     if (nearest != nullptr) return *nearest;
     throw Error(ErrorCode::kMismatch, fmt::format("nobody is at {:g}, {:g} in frame {}",
@@ -130,14 +186,18 @@ const std::vector<ClipDetector::Sample>& ClipDetector::Choose() const {
                                                   options_.person, persons.size()));
   }
   std::stable_sort(persons.begin(), persons.end(),
-                   [](const Person& a, const Person& b) { return a.size > b.size; });
-  return *persons[static_cast<size_t>(options_.person - 1)].samples;
+                   [](const Person* a, const Person* b) { return a->size > b->size; });
+  return *persons[static_cast<size_t>(options_.person - 1)];
 }
 
 ClipDetections ClipDetector::Finish() {
   if (!last_.empty()) Look(last_, num_frames_ - 1);
-  const std::vector<Sample>& samples = Choose();
-  result_.num_persons = static_cast<int>(samples_.size());
+  if (looks_.size() >= 2) LookBetween(looks_.size() - 2);
+  Person& person = Choose();
+  std::vector<Sample> samples;
+  for (auto& [frame, sample] : person.samples) samples.push_back(std::move(sample));
+  result_.num_persons = static_cast<int>(persons_.size());
+  result_.num_looks = static_cast<int>(looks_.size()) + person.num_between;
   result_.num_seen = static_cast<int>(samples.size());
   const auto num_frames = static_cast<size_t>(num_frames_);
   const auto num_joints = static_cast<Eigen::Index>(BlazePoseJoints().size());
@@ -150,7 +210,10 @@ ClipDetections ClipDetector::Finish() {
   clip3d.frames.assign(num_frames, {Eigen::Matrix3Xd::Zero(3, num_joints), unseen});
 
   const auto step = [&](size_t i) { return samples[i + 1].frame - samples[i].frame; };
-  const auto is_gap = [&](size_t i) { return step(i) > result_.every; };
+  // The person was not seen at a regular look in between.
+  const auto is_gap = [&](size_t i) {
+    return samples[i].frame / result_.every < (samples[i + 1].frame - 1) / result_.every;
+  };
   // Change per frame at sample i, from those before and after it.
   const auto slope = [&](size_t i, const auto& value) {
     const size_t a = i > 0 && !is_gap(i - 1) ? i - 1 : i;

@@ -1,8 +1,6 @@
 #include "mpc/detect/person_mask.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 
 namespace mpc {
 
@@ -21,13 +19,7 @@ cv::Mat PictureMask(std::span<const PersonMask> masks, int frame, int max_gap,
   const PersonMask& b = *after;
   if (b.frame - a.frame > max_gap) return {};
   const double t = static_cast<double>(frame - a.frame) / (b.frame - a.frame);
-  const double turn =
-      std::remainder(b.region.rotation_rad - a.region.rotation_rad, 2 * std::numbers::pi);
-  PersonMask between = {
-      .frame = frame,
-      .region = {.center = (1 - t) * a.region.center + t * b.region.center,
-                 .size_px = std::pow(a.region.size_px, 1 - t) * std::pow(b.region.size_px, t),
-                 .rotation_rad = a.region.rotation_rad + t * turn}};
+  PersonMask between = {.frame = frame, .region = RegionBetween(a.region, b.region, t)};
   cv::addWeighted(a.probability, 1 - t, b.probability, t, 0, between.probability);
   return PictureMask(between, size);
 }

@@ -49,6 +49,13 @@ cv::Mat PasteRegion(const cv::Mat& square, const PersonRegion& region, const cv:
   return picture;
 }
 
+PersonRegion RegionBetween(const PersonRegion& a, const PersonRegion& b, double t) {
+  const double turn = std::remainder(b.rotation_rad - a.rotation_rad, 2 * std::numbers::pi);
+  return {.center = (1 - t) * a.center + t * b.center,
+          .size_px = std::pow(a.size_px, 1 - t) * std::pow(b.size_px, t),
+          .rotation_rad = a.rotation_rad + t * turn};
+}
+
 double RegionDistance(const PersonRegion& a, const PersonRegion& b) {
   const double apart = (a.center - b.center).norm() / std::sqrt(a.size_px * b.size_px);
   return std::max(apart, std::abs(std::log(a.size_px / b.size_px)));

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <opencv2/imgproc.hpp>
 #include <utility>
 
@@ -119,16 +120,17 @@ std::optional<PersonPose> PoseTracker::Verify(const cv::Mat& bgr, const PersonRe
   return pose;
 }
 
-void PoseTracker::Follow(const cv::Mat& bgr, Track* track) {
-  PersonPose pose = landmarker_.Find(bgr, track->predicted);
+std::optional<PersonPose> PoseTracker::FindExpected(const cv::Mat& bgr,
+                                                    const PersonRegion& expected) {
+  PersonPose pose = landmarker_.Find(bgr, expected);
   const auto is_person = [&pose] { return pose.score >= kMinTrackScore && IsUsable(pose.refined); };
   // A person near the square's border is seen badly: another look, from where this one says.
   for (int look = 0; look < kMaxLooks && is_person(); ++look) {
     if (RegionDistance(pose.refined, pose.region) < kMaxOffCenter) break;
     pose = landmarker_.Find(bgr, pose.refined);
   }
-  if (!is_person() || RegionDistance(pose.refined, track->predicted) > kMaxJump) return;
-  track->pose = std::move(pose);
+  if (!is_person() || RegionDistance(pose.refined, expected) > kMaxJump) return std::nullopt;
+  return pose;
 }
 
 // Two tracks on one person: who was expected there keeps it.
@@ -199,6 +201,7 @@ void PoseTracker::SearchNew(const cv::Mat& bgr, bool everywhere) {
       known->predicted = pose->refined;
     }
     known->velocity.setZero();
+    known->turn_rad = 0;
     known->pose = std::move(pose);
   }
 }
@@ -209,6 +212,9 @@ void PoseTracker::Accept(const cv::Mat& bgr, int frame, Track* track) {
   if (elapsed > 0 && elapsed <= kMaxExtrapolationS * fps_) {
     const Eigen::Vector2d velocity = (now.center - track->region.center) / elapsed;
     track->velocity = (track->velocity + velocity) / 2;
+    track->turn_rad =
+        std::remainder(now.rotation_rad - track->region.rotation_rad, 2 * std::numbers::pi) /
+        elapsed;
   }
   track->region = now;
   track->seen = frame;
@@ -227,8 +233,9 @@ std::vector<TrackedPerson> PoseTracker::Next(const cv::Mat& bgr, int frame) {
     const double ahead = std::clamp<double>(frame - track.seen - 1, 0, kMaxExtrapolationS * fps_);
     track.predicted = track.region;
     track.predicted.center += ahead * track.velocity;
+    track.predicted.rotation_rad += ahead * track.turn_rad;
     track.pose.reset();
-    if (track.seen == previous) Follow(bgr, &track);
+    if (track.seen == previous) track.pose = FindExpected(bgr, track.predicted);
   }
   Separate();
   for (Track& track : tracks_) {

@@ -59,6 +59,18 @@ TEST(PersonRegion, ShrinkingAveragesFineStripes) {
   EXPECT_NEAR(high, 100, 2);
 }
 
+TEST(PersonRegion, MovesEvenlyAndTurnsTheShortWay) {
+  constexpr double kPi = std::numbers::pi;
+  const PersonRegion a = {.center = {10, 20}, .size_px = 100, .rotation_rad = kPi - 0.1};
+  const PersonRegion b = {.center = {30, 0}, .size_px = 400, .rotation_rad = 0.3 - kPi};
+  EXPECT_LT(RegionDistance(RegionBetween(a, b, 0), a), 1e-12);
+  EXPECT_LT(RegionDistance(RegionBetween(a, b, 1), b), 1e-12);
+  const PersonRegion middle = RegionBetween(a, b, 0.5);
+  EXPECT_TRUE(middle.center.isApprox(Vector2d(20, 10)));
+  EXPECT_NEAR(middle.size_px, 200, 1e-9);
+  EXPECT_NEAR(std::remainder(middle.rotation_rad - (kPi + 0.1), 2 * kPi), 0, 1e-12);
+}
+
 TEST(PersonRegion, PasteUndoesCrop) {
   cv::Mat mask(200, 200, CV_32F, cv::Scalar(0));
   cv::circle(mask, {110, 90}, 25, 1, cv::FILLED);
@@ -75,6 +87,17 @@ TEST(DetectionStride, FollowsTheBandLimit) {
   EXPECT_EQ(DetectionStride(5, 4), 1);
   EXPECT_EQ(DetectionStride(240, 4), 20);
   EXPECT_EQ(DetectionStride(30, 1000), 1);
+}
+
+TEST(DetectionStride, IsTwiceAsLongWhereThatStillLooksOncePerPeriod) {
+  EXPECT_EQ(EvenDetectionStride(60, 6), 6);
+  EXPECT_EQ(EvenDetectionStride(30, 6), 4);
+  EXPECT_EQ(EvenDetectionStride(29.97, 6), 4);
+  EXPECT_EQ(EvenDetectionStride(24, 6), 2);
+  EXPECT_EQ(EvenDetectionStride(12, 6), 2);
+  EXPECT_EQ(EvenDetectionStride(11, 6), 1);
+  EXPECT_EQ(EvenDetectionStride(5, 6), 1);
+  EXPECT_EQ(EvenDetectionStride(240, 4), 40);
 }
 
 TEST(ClipDetectorOptions, NameEveryFault) {

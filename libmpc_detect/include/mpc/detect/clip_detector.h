@@ -21,8 +21,9 @@ struct ClipDetectorOptions {
   // (px) in the first frame that shows anybody.
   int person = 1;
   std::optional<Eigen::Vector2d> at;
-  // The networks look at every n-th frame, and at the last; 0: as rarely as motion up to cutoff_hz
-  // allows. In between a cubic goes through the joints.
+  // The networks look at every n-th frame, and at the last; 0: at every EvenDetectionStride-th, and
+  // midway between two of these at who does not move evenly. In between a cubic goes through the
+  // joints.
   int every = 0;
   double cutoff_hz = 6;  // as PoseOptions::cutoff_hz
   PoseLandmarkerOptions landmarker;
@@ -36,16 +37,21 @@ struct ClipDetections {
   Detections2d detections2d;      // F frames
   Detections3d detections3d;      // F frames, ray-aligned
   std::vector<PersonMask> masks;  // of the looks that show the person, 16 kB each
-  int every = 1;                  // frames from one look to the next
-  int num_looks = 0;              // frames that were looked at,
-  int num_seen = 0;               // and those of them that show the person
+  int every = 1;                  // frames from one look to the next at most
+  int num_looks = 0;              // frames in which the person was looked for,
+  int num_seen = 0;               // and those of them that show it
   int num_persons = 0;            // in the clip
 };
 
 // Frames between two looks that keep motion up to cutoff_hz, at least 1.
 int DetectionStride(double fps, double cutoff_hz);
 
-// Takes a clip frame by frame; of its pictures only small masks are kept. Not thread-safe.
+// Frames between two looks that are enough while a person moves evenly: twice as many, where that is
+// still a look per period of cutoff_hz, which shows that the motion is no longer even.
+int EvenDetectionStride(double fps, double cutoff_hz);
+
+// Takes a clip frame by frame; of its pictures small masks are kept, and the last two or three whole.
+// Not thread-safe.
 class ClipDetector {
  public:
   // Throws Error: kInvalidArgument, and as Network::Read for the models.
@@ -69,13 +75,26 @@ class ClipDetector {
     Detections3d::Frame joints3d;
   };
 
+  struct Person {
+    std::map<int, Sample> samples;  // by frame
+    double size = 0;                // over the regular looks
+    int num_between = 0;            // looks midway between two regular ones
+  };
+
+  static void AddSample(const PersonPose& pose, int frame, Person* person);
+  static double Bend(const Sample& before, const Sample& at, const Sample& after);
   void Look(const cv::Mat& bgr, int frame);
-  const std::vector<Sample>& Choose() const;
+  void LookBetween(size_t look);
+  bool MovesEvenly(const Person& person, size_t look) const;
+  Person& Choose();
 
   PoseTracker tracker_;
   ClipDetectorOptions options_;
   ClipDetections result_;
-  std::map<int, std::vector<Sample>> samples_;  // by the person's number
+  int between_ = 0;                // frames from a regular look to the one midway to the next
+  std::map<int, Person> persons_;  // by their numbers
+  std::vector<int> looks_;         // frames that were looked at regularly
+  std::map<int, cv::Mat> held_;    // by frame: pictures that may be looked at midway
   int num_frames_ = 0;
   cv::Mat last_;  // frame, when it was not looked at
 };

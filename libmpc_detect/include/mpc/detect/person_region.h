@@ -28,6 +28,9 @@ cv::Mat CropRegion(const cv::Mat& picture, const PersonRegion& region, int side)
 // 0 outside of the square.
 cv::Mat PasteRegion(const cv::Mat& square, const PersonRegion& region, const cv::Size& size);
 
+// The region at the share t of an even way from a to b; it turns the short way.
+PersonRegion RegionBetween(const PersonRegion& a, const PersonRegion& b, double t);
+
 // 0 for the same place and size; 1 when the centres are a side apart or the sizes differ e-fold.
 double RegionDistance(const PersonRegion& a, const PersonRegion& b);
 

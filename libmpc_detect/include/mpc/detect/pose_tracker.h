@@ -34,11 +34,16 @@ class PoseTracker {
   // out. Who is not seen in this frame is not in the result and may come back in a later one.
   std::vector<TrackedPerson> Next(const cv::Mat& bgr, int frame);
 
+  // The person who is expected in this region of a picture of any frame, or nobody. Changes nothing
+  // about who is followed.
+  std::optional<PersonPose> FindExpected(const cv::Mat& bgr, const PersonRegion& expected);
+
  private:
   struct Track {
     int id = 0;
     PersonRegion region;                                 // where to look, as of frame `seen`
     Eigen::Vector2d velocity = Eigen::Vector2d::Zero();  // of its centre, px per frame
+    double turn_rad = 0;                                 // of the region, per frame
     int seen = 0;                                        // the last frame with this person
     cv::Mat colours;                                     // histogram of the person's pixels
     std::optional<PersonPose> pose;                      // in the current frame
@@ -49,7 +54,6 @@ class PoseTracker {
   Track* MostSimilar(const cv::Mat& colours);
   std::optional<PersonPose> Verify(const cv::Mat& bgr, const PersonRegion& region,
                                    double min_visibility);
-  void Follow(const cv::Mat& bgr, Track* track);
   void Separate();
   void SearchLost(const cv::Mat& bgr, Track* track);
   void SearchNew(const cv::Mat& bgr, bool everywhere);

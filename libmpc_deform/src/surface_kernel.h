@@ -10,10 +10,10 @@ struct NormalEquations {
   int num_nodes;          // M
   const int* edge_begin;  // M+1: edges (i, j) by i
   const int* edge_node;   // j
-  // Per edge a pair: with Y = scale^2 [R_i (g^_i - g^_j)]x the part of (omega_i, t_j) in J^T J is
-  // Y, that of (t_i, omega_j) comes from the edge (j, i).
+  // Per edge a pair [l, m]: t_j x l and omega_j x m + twice_square t_j are taken from the product's
+  // rotation and translation of node i.
   const float* levers;
-  float twice_square;  // -(t_i, t_j)
+  float twice_square;
   // Per node four pairs: columns of the 3x3 blocks (omega, omega) and (t, t), and [z, -z] with [z]x
   // the block (t, omega).
   const float* own;

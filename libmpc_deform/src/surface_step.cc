@@ -10,10 +10,7 @@ namespace mpc {
 namespace {
 
 constexpr int kMaxInnerIterations = 40;
-// Conjugate gradients end when an iteration lowers the quadratic model by less than this part of
-// the mean of all so far. Nash and Sofer, "Assessing a search direction within a truncated-Newton
-// method", 1990: unlike the residual's length, the model tells what the cost gains.
-constexpr float kInnerTolerance = 5e-2f;
+constexpr float kInnerTolerance = 5e-2f;  // of the length of the residual
 
 Eigen::Matrix3d Cross(const Eigen::Vector3d& x) {
   Eigen::Matrix3d cross;
@@ -197,15 +194,13 @@ void SurfaceStep::SolveInner() {
   Precondition(residual_, &preconditioned_);
   direction_ = preconditioned_;
   float length = dot(residual_, preconditioned_);
-  float decrease = 0;  // of the model, times two
-  for (int k = 1; k <= kMaxInnerIterations && length > 0; ++k) {
+  const float goal = kInnerTolerance * kInnerTolerance * length;
+  for (int k = 0; k < kMaxInnerIterations && length > goal; ++k) {
     Multiply(direction_, &product_);
     const float curvature = dot(direction_, product_);
     if (!(curvature > 0)) break;
     const float along = length / curvature;
     step_ += along * direction_;
-    decrease += along * length;
-    if (static_cast<float>(k) * along * length <= kInnerTolerance * decrease) break;
     residual_ -= along * product_;
     Precondition(residual_, &preconditioned_);
     const float next_length = dot(residual_, preconditioned_);

@@ -69,6 +69,40 @@ TEST(VideoTest, WhatIsWrittenIsRead) {
   }
 }
 
+TEST(VideoTest, FramesPassedOverCount) {
+  const testing::TempDir dir;
+  WriteClip(dir / "a.mp4", 160, 120, 25, 20);
+  VideoReader all(dir / "a.mp4"), some(dir / "a.mp4");
+  cv::Mat expected, frame;
+  for (int f = 0; f < 20; ++f) {
+    ASSERT_TRUE(all.Read(&expected));
+    if (f % 3 != 1) {
+      ASSERT_TRUE(some.Skip());
+    } else {
+      ASSERT_TRUE(some.Read(&frame));
+      EXPECT_EQ(cv::norm(frame, expected, cv::NORM_INF), 0) << f;
+    }
+    EXPECT_EQ(some.frame_index(), f);
+    EXPECT_EQ(some.frame_time_s(), all.frame_time_s());
+  }
+  EXPECT_FALSE(some.Skip());
+}
+
+TEST(VideoTest, GreyStaysGrey) {
+  const testing::TempDir dir;
+  cv::Mat grey(48, 64, CV_8UC1, cv::Scalar(0));
+  grey.colRange(0, 20).setTo(255);
+  grey.colRange(40, 64).setTo(128);
+  VideoWriter writer(dir / "a.mp4", 64, 48, 25);
+  for (int f = 0; f < 5; ++f) writer.Write(grey);
+  writer.Close();
+  cv::Mat frame;
+  ASSERT_TRUE(VideoReader(dir / "a.mp4").Read(&frame));
+  for (const auto& [x, value] : {std::pair(10, 255), std::pair(30, 0), std::pair(50, 128)}) {
+    for (int c = 0; c < 3; ++c) EXPECT_NEAR(frame.at<cv::Vec3b>(24, x)[c], value, 3) << x;
+  }
+}
+
 TEST(VideoTest, FormatPlaysEverywhere) {
   if (!HasFfmpeg()) GTEST_SKIP() << "needs ffmpeg and ffprobe";
   const testing::TempDir dir;

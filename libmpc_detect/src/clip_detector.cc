@@ -78,6 +78,11 @@ ClipDetector::ClipDetector(const PoseModels& models, int width, int height, doub
   result_.detections2d.height = height;
 }
 
+const ClipDetector::Sample* ClipDetector::Person::Find(int frame) const {
+  const auto found = samples.find(frame);
+  return found != samples.end() ? &found->second : nullptr;
+}
+
 void ClipDetector::AddSample(const PersonPose& pose, int frame, Person* person) {
   Sample& sample = person->samples[frame];
   sample.frame = frame;
@@ -104,12 +109,11 @@ double ClipDetector::Bend(const Sample& before, const Sample& at, const Sample& 
 bool ClipDetector::MovesEvenly(const Person& person, size_t look) const {
   bool is_known = false;
   for (size_t i = std::max<size_t>(1, look); i <= look + 1 && i + 1 < looks_.size(); ++i) {
-    const auto before = person.samples.find(looks_[i - 1]);
-    const auto at = person.samples.find(looks_[i]);
-    const auto after = person.samples.find(looks_[i + 1]);
-    const auto end = person.samples.end();
-    if (before == end || at == end || after == end) continue;
-    if (!(Bend(before->second, at->second, after->second) < kMaxBend)) return false;
+    const Sample* const before = person.Find(looks_[i - 1]);
+    const Sample* const at = person.Find(looks_[i]);
+    const Sample* const after = person.Find(looks_[i + 1]);
+    if (before == nullptr || at == nullptr || after == nullptr) continue;
+    if (!(Bend(*before, *at, *after) < kMaxBend)) return false;
     is_known = true;
   }
   return is_known;
@@ -122,14 +126,13 @@ void ClipDetector::LookBetween(size_t look) {
   if (held == held_.end()) return;
   const auto& [frame, picture] = *held;
   for (auto& [id, person] : persons_) {
-    const auto a = person.samples.find(begin);
-    const auto b = person.samples.find(end);
-    if (frame >= end || a == person.samples.end() || b == person.samples.end()) continue;
-    if (MovesEvenly(person, look)) continue;
+    const Sample* const a = person.Find(begin);
+    const Sample* const b = person.Find(end);
+    if (frame >= end || a == nullptr || b == nullptr || MovesEvenly(person, look)) continue;
     ++person.num_between;
     const double t = static_cast<double>(frame - begin) / (end - begin);
     const std::optional<PersonPose> pose =
-        tracker_.FindExpected(picture, RegionBetween(a->second.region, b->second.region, t));
+        tracker_.FindExpected(picture, RegionBetween(a->region, b->region, t));
     if (pose) AddSample(*pose, frame, &person);
   }
   held_.erase(held);

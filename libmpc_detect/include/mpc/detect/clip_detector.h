@@ -79,6 +79,8 @@ class ClipDetector {
     std::map<int, Sample> samples;  // by frame
     double size = 0;                // over the regular looks
     int num_between = 0;            // looks midway between two regular ones
+
+    const Sample* Find(int frame) const;  // nullptr when not seen in it
   };
 
   static void AddSample(const PersonPose& pose, int frame, Person* person);

@@ -304,10 +304,9 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     });
   }
   timed("pose", [&] {
-    report.track =
-        EstimatePoses(character.skeleton, report.camera, detections2d,
-                      detections3d ? &*detections3d : nullptr, report.fps, options_.pose,
-                      loaded_->camera_motion, progress);
+    report.track = EstimatePoses(character.skeleton, report.camera, detections2d,
+                                 detections3d ? &*detections3d : nullptr, report.fps, options_.pose,
+                                 loaded_->camera_motion, progress);
     ApplyProportions(report.track.proportions, &character, &rig);
     report.skeleton = character.skeleton;
   });

@@ -410,8 +410,10 @@ TEST_F(CaptureTest, AMovingCameraIsPutIntoTheWorldFrameByFrame) {
   }
   inputs.camera = (out_ / "camera.json").string();
   WriteMovingCamera(inputs.camera, clip_->camera, motion);
-  const CaptureReport moving = Capture(inputs, out_ / "moving", QuickOptions()).Run();
-  const CaptureReport standing = Capture(clip_->inputs, out_ / "standing", QuickOptions()).Run();
+  CaptureOptions options = QuickOptions();
+  options.pose.hold_standing_feet = false;  // which depends on the world
+  const CaptureReport moving = Capture(inputs, out_ / "moving", options).Run();
+  const CaptureReport standing = Capture(clip_->inputs, out_ / "standing", options).Run();
   EXPECT_EQ(moving.track.poses, standing.track.poses);
   const Eigen::MatrixXd in_moving = ReadTrc(out_ / "moving" / "joints.trc").positions;
   const Eigen::MatrixXd in_standing = ReadTrc(out_ / "standing" / "joints.trc").positions;

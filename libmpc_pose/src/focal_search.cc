@@ -114,6 +114,8 @@ FocalEstimate EstimateFocal(const Skeleton& skeleton, int width, int height,
   PoseOptions quick = options;
   quick.fit_proportions = false;
   quick.test_depth_flips = false;
+  quick.hold_standing_feet = false;  // they stand where the focal length puts them
+  quick.lasting_discount = 1;
 
   Camera camera = Camera::FromFov(width, height, kUsualFovRad);
   Eigen::MatrixX3d rows(kSteps.size(), 3);

@@ -26,8 +26,7 @@ class ProcessorWatch {
 
 mpc::ClipEvidence Evidence(const BenchClip& clip, const mpc::PoseOptions& options) {
   return {clip.character.skeleton, clip.camera, clip.detections2d,
-          &clip.detections3d,      clip.fps,    options,
-          clip.truth.motion};
+          &clip.detections3d,      clip.fps,    options};
 }
 
 mpc::Character Scaled(const BenchClip& clip, const mpc::Proportions& proportions) {

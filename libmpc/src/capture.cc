@@ -119,11 +119,8 @@ FocalPrior PriorOfFocal(const CaptureInputs& inputs, CaptureReport* report) {
           .relative_sigma = kStatedFocalSigma};
 }
 
-double ProcessSeconds() {
-  timespec time;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
-}
+// Of all threads of the process.
+double ProcessorSeconds() { return static_cast<double>(std::clock()) / CLOCKS_PER_SEC; }
 
 // Things a user should look at.
 void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings) {
@@ -249,10 +246,10 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   const int num_threads = options_.pose.num_threads;
   const auto timed = [&report](const char* stage, const auto& work) {
     const auto start = std::chrono::steady_clock::now();
-    const double core_start = ProcessSeconds();
+    const double core_start = ProcessorSeconds();
     work();
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    const double core_elapsed = ProcessSeconds() - core_start;
+    const double core_elapsed = ProcessorSeconds() - core_start;
     for (StageSeconds& timing : report.timings) {
       if (timing.stage == stage) {
         timing.seconds += elapsed.count();

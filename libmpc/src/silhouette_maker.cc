@@ -37,11 +37,9 @@ std::optional<BackgroundPlate> SeeBackground(const PosedClip& clip,
   cv::Mat picture;
   for (int f = 0; static_cast<int>(samples.size()) < num_samples; ++f) {
     // Evenly over the clip.
-    if (f * num_samples / num_frames < static_cast<int>(samples.size())) {
-      if (!video.Skip()) break;
-      continue;
-    }
-    if (!video.Read(&picture)) break;
+    const bool wanted = f * num_samples / num_frames >= static_cast<int>(samples.size());
+    if (!(wanted ? video.Read(&picture) : video.Skip())) break;
+    if (!wanted) continue;
     if (progress && !progress({stage, 0, num_frames})) return std::nullopt;
     samples.push_back({picture.clone(),
                        PosedModelMask(clip.character, clip.camera, topology, clip.poses.col(f))});

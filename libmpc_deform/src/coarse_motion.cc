@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 
+#include "mpc/core/rigid.h"
+
 namespace mpc {
 namespace {
 
@@ -11,12 +13,6 @@ constexpr size_t kPatchNodes = 40;
 constexpr double kDamping = 1e-6;  // of the diagonal
 
 using Block = Eigen::Matrix<double, 6, 6>;
-
-Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& x) {
-  Eigen::Matrix3d cross;
-  cross << 0, -x.z(), x.y(), x.z(), 0, -x.x(), -x.y(), x.x(), 0;
-  return cross;
-}
 
 }  // namespace
 

@@ -12,12 +12,6 @@ namespace {
 constexpr int kMaxInnerIterations = 40;
 constexpr float kInnerTolerance = 5e-2f;  // of the length of the residual
 
-Eigen::Matrix3d Cross(const Eigen::Vector3d& x) {
-  Eigen::Matrix3d cross;
-  cross << 0, -x.z(), x.y(), x.z(), 0, -x.x(), -x.y(), x.x(), 0;
-  return cross;
-}
-
 // Of a symmetric positive definite matrix, by its 3x3 blocks: no loops, no calls.
 Eigen::Matrix<double, 6, 6> Inverse(const Eigen::Matrix<double, 6, 6>& x) {
   const Eigen::Matrix3d a = x.topLeftCorner<3, 3>().inverse();
@@ -92,7 +86,7 @@ void SurfaceStep::AddArap(const WarpField& at) {
     const int num_edges = edge_begin_[i + 1] - edge_begin_[i];
     Block& own = diagonal_[i];
     own.topLeftCorner<3, 3>() += sum_yy.trace() * Eigen::Matrix3d::Identity() - sum_yy;
-    own.topRightCorner<3, 3>() -= scale * Cross(sum_y);
+    own.topRightCorner<3, 3>() -= scale * CrossMatrix(sum_y);
     own.bottomLeftCorner<3, 3>() = own.topRightCorner<3, 3>().transpose();
     own.bottomRightCorner<3, 3>().diagonal().array() += num_edges * 2 * scale * scale;
   }

@@ -52,7 +52,6 @@ struct VideoReader::Impl {
   cv::VideoCapture capture;
   std::vector<fs::path> pictures;  // instead of the capture
   cv::Mat first;                   // decoded when the file was opened
-  const cv::Mat unwanted{1, 1, CV_8U};
   double first_time_s = 0;
   int width = 0;
   int height = 0;
@@ -61,51 +60,43 @@ struct VideoReader::Impl {
   int index = -1;
   double time_s = 0;
 
-  // The next frame in the file and its time; an empty frame after the last. One that nobody wants is
-  // decoded, but not made BGR: any picture stands for it.
-  cv::Mat Decode(double* decoded_time_s, bool want = true) {
-    cv::Mat frame;
+  // The next frame in the file and its time; false after the last. frame null: it is decoded, but not
+  // made BGR.
+  bool Decode(cv::Mat* frame, double* decoded_time_s) {
     try {
       if (!pictures.empty()) {
         const auto next = static_cast<size_t>(index + 1);
-        if (next >= pictures.size()) return frame;
+        if (next >= pictures.size()) return false;
         *decoded_time_s = static_cast<double>(next) / fps;
-        frame = cv::imread(pictures[next].string(), cv::IMREAD_COLOR);
-        if (frame.empty()) ThrowBadFile(pictures[next], "not a readable picture");
-        return frame;
+        const cv::Mat picture = cv::imread(pictures[next].string(), cv::IMREAD_COLOR);
+        if (picture.empty()) ThrowBadFile(pictures[next], "not a readable picture");
+        if (frame != nullptr) *frame = picture;
+        return true;
       }
-      if (!capture.grab()) return frame;
-      if (want) {
-        capture.retrieve(frame);
-      } else {
-        frame = unwanted;
-      }
+      if (!capture.grab()) return false;
+      if (frame != nullptr) capture.retrieve(*frame);
       *decoded_time_s = capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
       // The last frames, drained from the decoder, come without a time of their own.
       if (index >= 0 && *decoded_time_s <= 0) *decoded_time_s = time_s + 1 / fps;
     } catch (const cv::Exception& e) {
       ThrowBadFile(path, fmt::format("frame {} cannot be decoded: {}", index + 1, e.what()));
     }
-    return frame;
+    return frame == nullptr || !frame->empty();
   }
 
   // Goes on by a frame; false after the last.
-  bool Next(bool want, cv::Mat* frame) {
+  bool Next(cv::Mat* frame) {
     double next_time_s = first_time_s;
-    cv::Mat next;
     if (index < 0) {
-      cv::swap(next, first);
-    } else {
-      next = Decode(&next_time_s, want);
-    }
-    if (next.empty()) {
+      if (frame != nullptr) *frame = first;
+      first.release();
+    } else if (!Decode(frame, &next_time_s)) {
       CheckEnd();
       return false;
     }
     ++index;
     if (index > 0) CheckStep(next_time_s - time_s);
     time_s = next_time_s;
-    if (want) *frame = std::move(next);
     return true;
   }
 
@@ -155,8 +146,9 @@ VideoReader::VideoReader(const fs::path& path, double image_fps) : impl_(new Imp
   if (!(impl_->fps > 0) || impl_->fps > kMaxFps) {
     ThrowBadFile(path, fmt::format("{} frames per second", impl_->fps));
   }
-  impl_->first = impl_->Decode(&impl_->first_time_s);
-  if (impl_->first.empty()) ThrowBadFile(path, "no frame can be decoded");
+  if (!impl_->Decode(&impl_->first, &impl_->first_time_s)) {
+    ThrowBadFile(path, "no frame can be decoded");
+  }
   impl_->width = impl_->first.cols;
   impl_->height = impl_->first.rows;
 }
@@ -172,11 +164,11 @@ int VideoReader::num_frames() const { return impl_->num_frames; }
 int VideoReader::frame_index() const { return impl_->index; }
 double VideoReader::frame_time_s() const { return impl_->time_s; }
 
-bool VideoReader::Skip() { return impl_->Next(/*want=*/false, nullptr); }
+bool VideoReader::Skip() { return impl_->Next(nullptr); }
 
 bool VideoReader::Read(cv::Mat* bgr) {
   cv::Mat frame;
-  if (!impl_->Next(/*want=*/true, &frame)) return false;
+  if (!impl_->Next(&frame)) return false;
   if (frame.cols != impl_->width || frame.rows != impl_->height || frame.type() != CV_8UC3) {
     ThrowBadFile(impl_->path, fmt::format("frame {} is {} x {}, the first is {} x {}", impl_->index,
                                           frame.cols, frame.rows, impl_->width, impl_->height));

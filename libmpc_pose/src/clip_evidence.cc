@@ -11,6 +11,7 @@
 #include "anchored_joints.h"
 #include "mpc/core/units.h"
 #include "mpc/pose/detection_repair.h"
+#include "mpc/skeleton/world.h"
 #include "translation_fit.h"
 
 namespace mpc {
@@ -183,7 +184,8 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
                            double fps, const PoseOptions& options,
                            std::span<const CameraFromWorld> camera_motion)
     : camera_(camera),
-      camera_motion_(camera_motion.begin(), camera_motion.end()),
+      base_from_camera_(BaseFromCamera(camera, camera_motion, std::ssize(detections2d.frames))),
+      has_world_(camera.has_extrinsics || !camera_motion.empty()),
       detections2d_(std::make_shared<Detections2d>(detections2d)),
       fps_(fps),
       options_(options),

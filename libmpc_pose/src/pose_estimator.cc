@@ -145,11 +145,6 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
                         std::span<const CameraFromWorld> camera_motion,
                         const ProgressCallback& progress) {
   CheckInputs(skeleton, camera, detections2d, detections3d, fps, options);
-  if (!camera_motion.empty() && camera_motion.size() != detections2d.frames.size()) {
-    throw Error(ErrorCode::kMismatch,
-                fmt::format("the moving camera has {} places for {} frames", camera_motion.size(),
-                            detections2d.frames.size()));
-  }
   PoseTrack track;
 
   Stopwatch initialization_watch;

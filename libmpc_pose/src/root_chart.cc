@@ -5,7 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "cross_matrix.h"
 #include "mpc/core/rigid.h"
 
 namespace mpc {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <optional>
+#include <span>
 
 #include "mpc/core/units.h"
 #include "mpc/skeleton/world.h"
@@ -49,7 +50,7 @@ double Middle(const Eigen::VectorXd& values) {
 struct FootTracks {
   std::array<int, kFootJoints.size()> joints{};  // of the skeleton, -1: it has none
   std::array<Eigen::Matrix3Xd, kFootJoints.size()> positions;
-  std::vector<Rigid<WorldFrame, CameraFrame>> base_from_camera;
+  std::span<const Rigid<WorldFrame, CameraFrame>> base_from_camera;  // the evidence's
   std::vector<Eigen::Vector3d> upright;  // standing directions of upright frames
 
   // From the camera to the joint.
@@ -61,8 +62,7 @@ struct FootTracks {
 FootTracks TrackFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses) {
   const Skeleton& skeleton = evidence.skeleton();
   FootTracks tracks;
-  tracks.base_from_camera =
-      BaseFromCamera(evidence.camera(), evidence.camera_motion(), poses.cols());
+  tracks.base_from_camera = evidence.base_from_camera();
   for (size_t i = 0; i < kFootJoints.size(); ++i) {
     tracks.joints[i] = skeleton.FindJointIndex(kFootJoints[i]);
     tracks.positions[i] = Eigen::Matrix3Xd::Zero(3, poses.cols());
@@ -241,8 +241,7 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
                       std::vector<FrameObservation>* observations) {
   for (FrameObservation& observation : *observations) observation.standing.clear();
   const FootTracks tracks = TrackFeet(evidence, poses);
-  const bool has_world = evidence.camera().has_extrinsics || !evidence.camera_motion().empty();
-  const auto [up, floor_error] = EstimateUp(has_world, tracks);
+  const auto [up, floor_error] = EstimateUp(evidence.has_world(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
   const std::optional<std::array<double, 2>> floor =

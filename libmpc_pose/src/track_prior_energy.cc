@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "cross_matrix.h"
 #include "mpc/core/rigid.h"
 
 namespace mpc {

@@ -5,6 +5,7 @@
 #include <Eigen/Geometry>
 
 #include "mpc/core/error.h"
+#include "mpc/core/rigid.h"
 
 namespace mpc {
 namespace {
@@ -12,12 +13,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Quaterniond;
 using Eigen::Vector3d;
-
-Matrix3d Cross(const Vector3d& a) {
-  Matrix3d cross;
-  cross << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
-  return cross;
-}
 
 // Adds weight times a motion to a blend.
 void Add(double weight, const DualQuaterniond& motion, DualQuaterniond* blend) {
@@ -49,9 +44,9 @@ Eigen::Matrix<double, 3, 8> BlendDerivative(const DualQuaterniond& blend, const 
   Eigen::Matrix<double, 3, 8> derivative;
   derivative.col(0) = r.cross(x) + d;
   derivative.middleCols<3>(1) =
-      -Cross(inner) - Cross(r) * Cross(x) - blend.dual.w() * Matrix3d::Identity();
+      -CrossMatrix(inner) - CrossMatrix(r) * CrossMatrix(x) - blend.dual.w() * Matrix3d::Identity();
   derivative.col(4) = -r;
-  derivative.rightCols<3>() = w * Matrix3d::Identity() + Cross(r);
+  derivative.rightCols<3>() = w * Matrix3d::Identity() + CrossMatrix(r);
   derivative *= scale;
   derivative.col(0) -= scale * scale * w * n;
   derivative.middleCols<3>(1) -= scale * scale * n * r.transpose();
@@ -94,7 +89,7 @@ Eigen::Matrix<double, 8, 1> BlendGradient(const DualQuaterniond& blend, const Ve
 Eigen::Matrix<double, 4, 3> HalfRightFactor(const Quaterniond& q) {
   Eigen::Matrix<double, 4, 3> factor;
   factor.row(0) = -q.vec().transpose() / 2;
-  factor.bottomRows<3>() = (q.w() * Matrix3d::Identity() - Cross(q.vec())) / 2;
+  factor.bottomRows<3>() = (q.w() * Matrix3d::Identity() - CrossMatrix(q.vec())) / 2;
   return factor;
 }
 

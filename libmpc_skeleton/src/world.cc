@@ -116,6 +116,10 @@ double FloorHeight(const Character& character, const Eigen::MatrixXd& poses, con
 std::vector<Rigid<WorldFrame, CameraFrame>> BaseFromCamera(const Camera& camera,
                                                            std::span<const CameraFromWorld> motion,
                                                            Eigen::Index num_frames) {
+  if (!motion.empty() && static_cast<Eigen::Index>(motion.size()) != num_frames) {
+    throw Error(ErrorCode::kMismatch, fmt::format("the moving camera has {} places for {} frames",
+                                                  motion.size(), num_frames));
+  }
   std::vector<Rigid<WorldFrame, CameraFrame>> base;
   for (const CameraFromWorld& place : motion) base.push_back(place.Inverse());
   if (!base.empty()) return base;
@@ -144,10 +148,6 @@ Vector3d SnappedToAxis(const Vector3d& up) {
 WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,
                             const Camera& camera, std::span<const CameraFromWorld> motion,
                             int num_threads) {
-  if (!motion.empty() && static_cast<Eigen::Index>(motion.size()) != poses.cols()) {
-    throw Error(ErrorCode::kMismatch, fmt::format("the moving camera has {} places for {} frames",
-                                                  motion.size(), poses.cols()));
-  }
   WorldPlacement placement;
   const Base base = BaseFromCamera(camera, motion, poses.cols());
   Vector3d up = EstimateUp(character, poses, base, &placement);

@@ -30,6 +30,14 @@ std::vector<FrameObservation> Stands(const SyntheticClip& clip, const Eigen::Mat
   return observations;
 }
 
+// Null when the joint does not stand.
+const StandingJoint* Find(const FrameObservation& observation, int joint) {
+  const auto found =
+      std::find_if(observation.standing.begin(), observation.standing.end(),
+                   [&](const StandingJoint& standing) { return standing.joint == joint; });
+  return found == observation.standing.end() ? nullptr : &*found;
+}
+
 TEST(StandingFeetTest, FeetOfWhoeverSquatsStandWhereTheyAre) {
   const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
   // An estimate whose feet drift to and fro along their ray.
@@ -70,10 +78,8 @@ TEST(StandingFeetTest, AFootThatStoodGoesOnStandingUntilItIsSeenToMove) {
     poses.col(f).head<3>() += 0.4 * share * ray;
   }
   const std::vector<FrameObservation> observations = Stands(clip, poses);
-  const std::vector<StandingJoint>& standing = observations[middle].standing;
-  const auto found = std::find_if(standing.begin(), standing.end(),
-                                  [&](const StandingJoint& joint) { return joint.joint == ankle; });
-  ASSERT_NE(found, standing.end());
+  const StandingJoint* found = Find(observations[middle], ankle);
+  ASSERT_NE(found, nullptr);
   ForwardKinematics(clip.skeleton, clip.poses.col(middle), &state);
   EXPECT_NEAR(found->range_m, state.joints.col(ankle).norm(), 0.03);
 }
@@ -90,10 +96,8 @@ TEST(StandingFeetTest, AToeStandsOnTheFloorOfItsAnkle) {
   Eigen::MatrixXd poses = clip.poses;
   poses.row(6 + (bends - hinges.begin())).array() += 1.2;
   const std::vector<FrameObservation> observations = Stands(clip, poses);
-  const std::vector<StandingJoint>& standing = observations[0].standing;
-  const auto found = std::find_if(standing.begin(), standing.end(),
-                                  [&](const StandingJoint& joint) { return joint.joint == toe; });
-  ASSERT_NE(found, standing.end());
+  const StandingJoint* found = Find(observations[0], toe);
+  ASSERT_NE(found, nullptr);
   KinematicState state;
   ForwardKinematics(clip.skeleton, poses.col(0), &state);
   EXPECT_GT(found->range_m, state.joints.col(toe).norm() + 0.02);
@@ -144,11 +148,8 @@ TEST(StandingFeetTest, WhatRestsInThePictureAloneStandsOnTheFloorOfOthers) {
   }
   const std::vector<FrameObservation> observations = Stands(clip, poses);
   for (int f = 50; f < kFrames - 5; ++f) {
-    const std::vector<StandingJoint>& standing = observations[f].standing;
-    const auto found =
-        std::find_if(standing.begin(), standing.end(),
-                     [&](const StandingJoint& joint) { return joint.joint == ankle; });
-    ASSERT_NE(found, standing.end()) << "frame " << f;
+    const StandingJoint* found = Find(observations[f], ankle);
+    ASSERT_NE(found, nullptr) << "frame " << f;
     ForwardKinematics(clip.skeleton, clip.poses.col(f), &state);
     EXPECT_NEAR(found->range_m, state.joints.col(ankle).norm(), 0.1) << "frame " << f;
   }

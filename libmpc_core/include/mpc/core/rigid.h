@@ -40,16 +40,17 @@ inline Eigen::Vector3d LogSO3(const Eigen::Matrix3d& rotation) {
   return angle_axis.angle() * angle_axis.axis();
 }
 
+// CrossMatrix(v) * x = v.cross(x).
+inline Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
+  Eigen::Matrix3d m;
+  m << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;
+  return m;
+}
+
 // Rotation of a rotation vector (rad).
 inline Eigen::Matrix3d ExpSO3(const Eigen::Vector3d& rotation_vector) {
   const double angle = rotation_vector.norm();
-  if (angle < 1e-12) {
-    Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
-    rotation(0, 1) = -rotation_vector.z(), rotation(1, 0) = rotation_vector.z();
-    rotation(0, 2) = rotation_vector.y(), rotation(2, 0) = -rotation_vector.y();
-    rotation(1, 2) = -rotation_vector.x(), rotation(2, 1) = rotation_vector.x();
-    return rotation;
-  }
+  if (angle < 1e-12) return Eigen::Matrix3d::Identity() + CrossMatrix(rotation_vector);
   return Eigen::AngleAxisd(angle, rotation_vector / angle).toRotationMatrix();
 }
 

@@ -57,7 +57,7 @@ struct FrameObservation {
 class ClipEvidence {
  public:
   // detections3d may be null. camera_motion: where a moving camera is in each frame (F), in place of
-  // the camera's own extrinsics; empty: it stands.
+  // the camera's own extrinsics; empty: it stands. Throws Error (kMismatch) for another length than F.
   ClipEvidence(const Skeleton& skeleton, const Camera& camera, const Detections2d& detections2d,
                const Detections3d* detections3d, double fps, const PoseOptions& options,
                std::span<const CameraFromWorld> camera_motion = {});
@@ -67,7 +67,11 @@ class ClipEvidence {
 
   const Skeleton& skeleton() const { return skeleton_; }
   const Camera& camera() const { return camera_; }
-  const std::vector<CameraFromWorld>& camera_motion() const { return camera_motion_; }
+  // See BaseFromCamera; whether the base is a known world.
+  const std::vector<Rigid<WorldFrame, CameraFrame>>& base_from_camera() const {
+    return base_from_camera_;
+  }
+  bool has_world() const { return has_world_; }
   const PoseOptions& options() const { return options_; }
   const std::vector<EvidenceBone>& bones() const { return bones_; }
   int num_frames() const { return static_cast<int>(detections2d_->frames.size()); }
@@ -114,7 +118,8 @@ class ClipEvidence {
 
   Skeleton skeleton_;
   Camera camera_;
-  std::vector<CameraFromWorld> camera_motion_;
+  std::vector<Rigid<WorldFrame, CameraFrame>> base_from_camera_;  // F
+  bool has_world_ = false;
   std::shared_ptr<const Detections2d> detections2d_;  // repaired
   std::shared_ptr<const Detections3d> detections3d_;  // repaired; may be null
   double fps_ = 0;

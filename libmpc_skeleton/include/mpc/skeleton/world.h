@@ -18,7 +18,8 @@
 namespace mpc {
 
 // Where the camera is in each of F frames: in the world when `motion` (F) or the camera's extrinsics say
-// so, else nowhere, which is the identity: the base is the world or the camera at rest.
+// so, else nowhere, which is the identity: the base is the world or the camera at rest. Throws Error
+// (kMismatch) when `motion` has another length than F.
 std::vector<Rigid<WorldFrame, CameraFrame>> BaseFromCamera(const Camera& camera,
                                                            std::span<const CameraFromWorld> motion,
                                                            Eigen::Index num_frames);

@@ -23,9 +23,12 @@ using enum JointId;
 constexpr double kErrorSpread = 1.3;
 constexpr double kErrorStandingMm = 15;    // of a standing foot along the ray
 constexpr double kRobustStandingMm = 200;  // it does not stand there after all
-constexpr double kMinError2dMm = 7;
+constexpr double kUsualError2dMm = 7;  // of the best networks, per axis
+constexpr double kMinError2dMm = 2;
 // Part of the errors is followed by the solution that they are measured from.
 constexpr double kFollowed = 1.35;
+// Errors that last are followed for the most part: they are at most so many times what is left of them.
+constexpr double kFollowedLasting = 12;
 constexpr double kMinFpsForWhite = 15;  // below it lasting errors change from frame to frame too
 constexpr double kMinError3dMm = 20;
 constexpr double kMaxError3dMm = 100;
@@ -471,7 +474,7 @@ void ClipEvidence::MeasureError3d() {
   const double error_mm = Median(&errors);
   // The distance holds the 2D detection's error too, which is at least this on each axis.
   const double distance_mm = kErrorSpread * error_mm;
-  const double error2 = distance_mm * distance_mm - 2 * kMinError2dMm * kMinError2dMm;
+  const double error2 = distance_mm * distance_mm - 2 * kUsualError2dMm * kUsualError2dMm;
   error_3d_mm_ = std::clamp(std::sqrt(std::max(0.0, error2)), kMinError3dMm, kMaxError3dMm);
   if (across2.empty()) return;
   // Medians of |x|^2 for unit normals: 1.386 in two dimensions, 0.455 in one; a second difference of
@@ -488,11 +491,12 @@ void ClipEvidence::MeasureError3d() {
 }
 
 void ClipEvidence::TrustError2d() {
-  if (fps_ >= kMinFpsForWhite) error_2d_mm_ = kMinError2dMm;
+  if (fps_ >= kMinFpsForWhite) error_2d_mm_ = kUsualError2dMm;
 }
 
-// Errors that last (joints that are defined differently) are fitted away in part and leave residuals
-// that last too: then nothing says how large they are. White errors stay in the residuals as they are.
+// White errors stay in the residuals nearly as they are. Errors that last (joints that are defined
+// differently) are fitted away for the most part and leave residuals that last too: those say no more
+// than how large the errors may be.
 void ClipEvidence::MeasureError2d(const std::vector<FrameObservation>& observations,
                                   const Eigen::MatrixXd& poses) {
   if (fps_ < kMinFpsForWhite) return;
@@ -522,12 +526,12 @@ void ClipEvidence::MeasureError2d(const std::vector<FrameObservation>& observati
   error_2d_mm_ = kError2dMm;
   if (changes2.empty()) return;
   const double length2 = Median(&lengths2);
+  const double residual_mm = std::sqrt(length2 / 1.386);  // median of |x|^2 for two unit normals
   // White residuals change by twice their variance. What is less than half white counts as lasting.
   const double white = std::clamp(Median(&changes2) / std::max(1e-6, length2) - 1, 0.0, 1.0);
-  // 1.386: median of |x|^2 for two unit normals.
-  error_2d_mm_ =
-      std::clamp(white * kFollowed * std::sqrt(length2 / 1.386) + (1 - white) * kError2dMm,
-                 kMinError2dMm, kError2dMm);
+  const double lasting_mm = std::min(kError2dMm, kFollowedLasting * residual_mm);
+  error_2d_mm_ = std::clamp(white * kFollowed * residual_mm + (1 - white) * lasting_mm,
+                            kMinError2dMm, kError2dMm);
 }
 
 // What errs for seconds errs alike in all their frames, while errors of the 2D detections average out:

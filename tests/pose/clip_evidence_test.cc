@@ -3,6 +3,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+#include <vector>
+
 #include "mpc/pose/frame_solver.h"
 #include "pose/synthetic_clip.h"
 
@@ -64,6 +67,56 @@ TEST(ClipEvidenceTest, WithoutThe3dNothingIsDiscounted) {
   const Costs before = CostsOf(clip, evidence);
   evidence.DiscountLasting();
   EXPECT_EQ(CostsOf(clip, evidence).rest, before.rest);
+}
+
+// What 2D points weigh at the end, when each lies off where its joint is seen by the same way in all frames,
+// or by one that changes its sign from frame to frame.
+double Weight2d(double lasting_mm, double white_mm) {
+  SyntheticClip clip = MakeClip(MotionKind::kWalk, 40, 30, {}, 1);
+  KinematicState state;
+  Detections2d& detections = clip.detections.detections2d;
+  for (Eigen::Index f = 0; f < clip.poses.cols(); ++f) {
+    ForwardKinematics(clip.skeleton, clip.poses.col(f), &state);
+    const double px_per_mm = clip.camera.fx / (1000 * clip.poses(2, f));
+    const double off_px = (lasting_mm + (f % 2 == 0 ? 1 : -1) * white_mm) * px_per_mm;
+    Detections2d::Frame& frame = detections.frames[static_cast<size_t>(f)];
+    for (size_t i = 0; i < detections.joints.size(); ++i) {
+      const int joint = clip.skeleton.FindJointIndex(detections.joints[i]);
+      Eigen::Vector2d pixel;
+      if (joint < 0 || !Project(clip.camera, state.joints.col(joint), &pixel)) continue;
+      frame.pixels.col(static_cast<Eigen::Index>(i)) = pixel + Eigen::Vector2d::Constant(off_px);
+    }
+  }
+  ClipEvidence evidence(clip.skeleton, clip.camera, detections, nullptr, clip.fps,
+                        testing::PlainOptions());
+  const auto cost = [&] {
+    const FrameProblem problem =
+        evidence.MakeProblem(evidence.Observe(0), 4, 0, RelaxedPose(clip.skeleton));
+    FrameSolveScratch scratch;
+    PosePoint& at = scratch.current;
+    at.pose = clip.poses.col(5);
+    at.root_rotation = ExpSO3(at.pose.segment<3>(3));
+    at.Update(clip.skeleton, /*with_jacobian=*/false);
+    Eigen::VectorXd residuals(problem.reprojection.num_residuals());
+    problem.reprojection.Evaluate(at, 0, &residuals, nullptr);
+    return residuals.squaredNorm();
+  };
+  const double before = cost();  // of an error of 20 mm
+  std::vector<FrameObservation> observations;
+  for (int f = 0; f < evidence.num_frames(); ++f) observations.push_back(evidence.Observe(f));
+  evidence.MeasureError2d(observations, clip.poses);
+  return cost() / before;
+}
+
+TEST(ClipEvidenceTest, PointsWeighByWhatTheirResidualsSay) {
+  const double axis = std::sqrt(2 / 1.386);  // as the size of normal errors that would look like it
+  const auto expected = [](double error_mm) { return std::pow(20 / error_mm, 2); };
+  EXPECT_NEAR(Weight2d(0, 0) / expected(2), 1, 1e-9);    // nothing is better
+  EXPECT_NEAR(Weight2d(0.1, 0) / expected(2), 1, 1e-9);  // 12 times as much, but no less than 2
+  EXPECT_NEAR(Weight2d(0.5, 0) / expected(12 * 0.5 * axis), 1, 0.02);
+  EXPECT_NEAR(Weight2d(3, 0), 1, 1e-9);  // 20 mm and no more
+  EXPECT_NEAR(Weight2d(0, 6) / expected(1.35 * 6 * axis), 1, 0.02);
+  EXPECT_NEAR(Weight2d(0, 1) / expected(2), 1, 1e-9);
 }
 
 }  // namespace

@@ -30,7 +30,7 @@ struct PoseOptions {
   // ours: bone residuals weigh (20 mm / error)^2. The error across the ray is 0: measured per clip
   // from how far the projected 3D lies from the 2D; along the ray it is depth_error_ratio as large.
   double error_3d_mm = 0;
-  // ours: 2D residuals weigh (20 mm / error)^2; 0: measured per clip, in [7, 20]. Paper: 20
+  // ours: 2D residuals weigh (20 mm / error)^2; 0: measured per clip, in [2, 20]. Paper: 20
   double error_2d_mm = 0;
   double depth_error_ratio = 2.2;
   bool pixels_in_mm = true;        // 2D residuals in mm at the person; false: px of a 1920 frame

@@ -16,7 +16,7 @@ namespace mpc {
 namespace {
 
 // Distances from M, in actor sizes.
-constexpr double kFar = 0.13;   // as wide as the band in which the actor may be
+constexpr double kFar = 0.2;    // wider than the band in which the actor may be, since skirts swing out of it
 constexpr double kNear = 0.03;  // a pose that is right to a few centimetres
 constexpr int kMinFar = 3;
 constexpr int kMinNear = 5;

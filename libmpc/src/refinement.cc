@@ -34,6 +34,7 @@ struct Result {
   FrameRefinement refinement;
   RefinementRecord record;
   cv::Mat silhouette;
+  cv::Mat picture;
   cv::Mat truth;
   double surface_s = 0;
 };
@@ -80,6 +81,7 @@ class Stage {
     result.record.surface_state = result.refinement.surface_state;
     result.record.pose_support = result.refinement.pose_support;
     result.record.surface_support = result.refinement.surface_support;
+    result.picture = frame.picture;
     result.truth = frame.truth;
     return result;
   }
@@ -130,7 +132,7 @@ ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& op
       const int f = static_cast<int>(refinement.frames.size());
       refinement.poses.col(f) = smoothed.pose;
       refinement.frames.push_back(result.record);
-      sink({f, smoothed.pose, smoothed.vertices, result.silhouette});
+      sink({f, smoothed.pose, smoothed.vertices, result.silhouette, result.picture});
     }
   };
 

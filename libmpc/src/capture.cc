@@ -368,7 +368,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       ClipRefinementOptions options = options_.refinement;
       options.silhouettes.num_threads = num_threads;
       ClipRefinement refinement =
-          internal::WriteRefinement(output_, report.world, report.fps, clip, options, progress);
+          internal::WriteRefinement(output_, report.world, report.fps, clip, options,
+                                    options_.overlay ? &detections2d : nullptr, progress);
       report.refinement = std::move(refinement.frames);
       report.complete = report.refinement.size() == static_cast<size_t>(report.num_frames);
       if (!report.complete) return;
@@ -376,6 +377,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       report.outputs.push_back(internal::kMasksName);
       has_surface = options.frames.level == RefinementLevel::kSurface;
       if (has_surface) report.outputs.push_back(internal::kSurfaceName);
+      if (options_.overlay) report.outputs.push_back(internal::kOverlayName);
     });
     if (report.complete && options_.refinement.frames.level != RefinementLevel::kNone) {
       const bool targets = has_surface && options_.surface != SurfaceTargets::kNone;
@@ -385,19 +387,12 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     internal::AddRefinementWarnings(report.refinement, &report.warnings);
     if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
   }
-  if (options_.overlay && report.complete) {
+  // With silhouettes it was drawn while they were found.
+  if (options_.overlay && !options_.masks && report.complete) {
     timed("overlay", [&] {
-      const internal::OverlayScene scene = {
-          character,
-          report.camera,
-          detections2d,
-          report.track,
-          report.world,
-          options_.masks ? output_ / internal::kMasksName : fs::path(),
-          has_surface ? output_ / internal::kSurfaceName : fs::path()};
-      report.complete = internal::WriteOverlay(output_ / internal::kOverlayName,
-                                               VideoReader(inputs_.video, inputs_.image_fps), scene,
-                                               num_threads, progress);
+      report.complete = internal::WriteOverlay(
+          output_ / internal::kOverlayName, VideoReader(inputs_.video, inputs_.image_fps),
+          {character, report.camera, detections2d}, report.track.poses, num_threads, progress);
       if (report.complete) report.outputs.push_back(internal::kOverlayName);
     });
   }

@@ -19,7 +19,8 @@ std::vector<SilhouetteRecord> WriteMasks(const MaskOutputs& outputs, double fps,
   std::optional<MaskFolderWriter> pictures;
   if (!outputs.pictures.empty()) pictures.emplace(outputs.pictures);
   std::optional<VideoWriter> overlay;
-  if (!outputs.overlay.empty()) overlay.emplace(outputs.overlay, width, height, fps);
+  if (!outputs.overlay.empty())
+    overlay.emplace(outputs.overlay, width, height, fps, VideoEffort::kLow);
   const auto write = [&](const SilhouetteFrame& frame) {
     video.Write(frame.silhouette.mask);
     if (pictures) pictures->Write(frame.silhouette.mask);
@@ -39,15 +40,26 @@ std::vector<SilhouetteRecord> WriteMasks(const MaskOutputs& outputs, double fps,
 
 ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldPlacement& world,
                                double fps, const PosedClip& clip,
-                               const ClipRefinementOptions& options,
+                               const ClipRefinementOptions& options, const Detections2d* detections,
                                const ProgressCallback& progress) {
-  MaskVideoWriter masks(output / kMasksName, clip.camera.width, clip.camera.height, fps);
+  const int width = clip.camera.width, height = clip.camera.height;
+  MaskVideoWriter masks(output / kMasksName, width, height, fps);
+  std::optional<VideoWriter> overlay;
+  if (detections != nullptr)
+    overlay.emplace(output / kOverlayName, width, height, fps, VideoEffort::kLow);
   std::optional<Pc2Writer> surface;
   if (options.frames.level == RefinementLevel::kSurface) {
     surface.emplace(output / kSurfaceName, static_cast<int>(clip.character.mesh.positions.cols()));
   }
+  cv::Mat drawn;
   const auto write = [&](const RefinedFrame& frame) {
     masks.Write(frame.silhouette);
+    if (overlay) {
+      frame.picture.copyTo(drawn);
+      DrawOverlay({clip.character, clip.camera, *detections}, frame.index, frame.pose,
+                  frame.vertices, frame.silhouette, &drawn);
+      overlay->Write(drawn);
+    }
     if (!surface) return;
     const Rigid<SceneFrame, CameraFrame> scene_from_camera = world.SceneFromCamera(frame.index);
     surface->Write((scene_from_camera.rotation.cast<float>() * frame.vertices).colwise() +
@@ -57,6 +69,7 @@ ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldP
   if (static_cast<Eigen::Index>(refinement.frames.size()) < clip.poses.cols()) return refinement;
   masks.Close();
   if (surface) surface->Close();
+  if (overlay) overlay->Close();
   return refinement;
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "mpc/core/detections.h"
 #include "mpc/refinement.h"
 #include "mpc/silhouettes.h"
 #include "mpc/skeleton/world.h"
@@ -27,12 +28,12 @@ std::vector<SilhouetteRecord> WriteMasks(const MaskOutputs& outputs, double fps,
                                          const PosedClip& clip, const SilhouetteOptions& options,
                                          const ProgressCallback& progress);
 
-// Refines, and writes masks.mp4 and, when the surface is refined, surface.pc2 (scene frame) into
-// `output`. When the callback stops the work there are fewer records than poses and none of the
+// Refines, and writes masks.mp4, when the surface is refined surface.pc2 (scene frame), and overlay.mp4
+// with `detections` unless they are null, into `output`. When the callback stops the work there are fewer records than poses and none of the
 // files. Throws Error as RefineClip, and kWriteFailed.
 ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldPlacement& world,
                                double fps, const PosedClip& clip,
-                               const ClipRefinementOptions& options,
+                               const ClipRefinementOptions& options, const Detections2d* detections,
                                const ProgressCallback& progress);
 
 // What a user should look at.

@@ -34,6 +34,7 @@ struct Result {
   FrameRefinement refinement;
   RefinementRecord record;
   cv::Mat silhouette;
+  cv::Mat picture;
   cv::Mat truth;
   double surface_s = 0;
 };
@@ -49,8 +50,11 @@ class Stage {
   Stage(const PosedClip& clip, const ClipRefinementOptions& options, BackgroundPlate background)
       : clip_(clip),
         options_(options),
+        first_extraction_(options.silhouettes.segmentation),
         maker_(clip, options.silhouettes, std::move(background)),
-        refiner_(clip.character, options.frames) {}
+        refiner_(clip.character, options.frames) {
+    first_extraction_.refine_outline &= options.frames.level == RefinementLevel::kNone;
+  }
 
   Result Process(internal::ClipFrame frame, CorrespondenceScratch* scratch) const {
     Result result;
@@ -59,7 +63,7 @@ class Stage {
       cv::Mat model;
       maker_.Model(actor.vertices, &model);
       const SegmentationOptions& segmentation =
-          actor.refined ? options_.second_extraction : options_.silhouettes.segmentation;
+          actor.refined ? options_.second_extraction : first_extraction_;
       const Silhouette silhouette =
           maker_.Make(actor.state, actor.vertices, model, frame, segmentation, result.silhouette);
       result.record.silhouette = internal::MakeRecord(silhouette, model, frame.truth);
@@ -80,6 +84,7 @@ class Stage {
     result.record.surface_state = result.refinement.surface_state;
     result.record.pose_support = result.refinement.pose_support;
     result.record.surface_support = result.refinement.surface_support;
+    result.picture = frame.picture;
     result.truth = frame.truth;
     return result;
   }
@@ -99,6 +104,7 @@ class Stage {
 
   const PosedClip& clip_;
   const ClipRefinementOptions& options_;
+  SegmentationOptions first_extraction_;  // its outline only guides the pose, if there is a second
   internal::SilhouetteMaker maker_;
   FrameRefiner refiner_;
 };
@@ -130,7 +136,7 @@ ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& op
       const int f = static_cast<int>(refinement.frames.size());
       refinement.poses.col(f) = smoothed.pose;
       refinement.frames.push_back(result.record);
-      sink({f, smoothed.pose, smoothed.vertices, result.silhouette});
+      sink({f, smoothed.pose, smoothed.vertices, result.silhouette, result.picture});
     }
   };
 

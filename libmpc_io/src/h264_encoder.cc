@@ -74,7 +74,8 @@ struct H264Encoder::Impl {
   }
 };
 
-H264Encoder::H264Encoder(const std::string& path, int width, int height, double fps)
+H264Encoder::H264Encoder(const std::string& path, int width, int height, double fps,
+                         const char* preset)
     : impl_(new Impl) {
   impl_->format.reset(MakeFormat(path));
   AVFormatContext* format = impl_->format.get();
@@ -89,7 +90,7 @@ H264Encoder::H264Encoder(const std::string& path, int width, int height, double 
   codec->time_base = av_inv_q(codec->framerate);
   codec->max_b_frames = 0;
   codec->flags |= format->oformat->flags & AVFMT_GLOBALHEADER ? AV_CODEC_FLAG_GLOBAL_HEADER : 0;
-  Check(av_opt_set(codec->priv_data, "preset", "superfast", 0));
+  Check(av_opt_set(codec->priv_data, "preset", preset, 0));
   Check(av_opt_set(codec->priv_data, "crf", "23", 0));
   Check(avcodec_open2(codec, x264, nullptr));
 

@@ -1,4 +1,4 @@
-// Purpose: H.264 in an .mp4 by libavcodec's x264 at a fast preset, which OpenCV's writer cannot ask
+// Purpose: H.264 in an .mp4 by libavcodec's x264 at fast presets, which OpenCV's writer cannot ask
 // for: its default takes longer than everything else that is done to a picture.
 #pragma once
 
@@ -10,8 +10,8 @@ namespace mpc {
 
 class H264Encoder {
  public:
-  // Even sides. Every fault is a thrown std::runtime_error with FFmpeg's words.
-  H264Encoder(const std::string& path, int width, int height, double fps);
+  // Even sides; preset: one of x264. Every fault is a thrown std::runtime_error with FFmpeg's words.
+  H264Encoder(const std::string& path, int width, int height, double fps, const char* preset);
   ~H264Encoder();
 
   // CV_8UC3, or CV_8UC1 for a grey picture.

@@ -69,7 +69,7 @@ bool MaskReader::Read(cv::Mat* mask) {
 }
 
 MaskVideoWriter::MaskVideoWriter(const fs::path& path, int width, int height, double fps)
-    : video_(path, width, height, fps) {}
+    : video_(path, width, height, fps, VideoEffort::kLow) {}
 
 void MaskVideoWriter::Write(const cv::Mat& mask) {
   CheckMask("masks", mask);

@@ -215,7 +215,8 @@ struct VideoWriter::Impl {
   }
 };
 
-VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps) {
+VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps,
+                         VideoEffort effort) {
   if (width < 1 || height < 1 || !(fps > 0) || fps > kMaxFps) {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("{}: a video of {} x {} at {} frames per second", path.string(), width,
@@ -225,8 +226,8 @@ VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps
   WriteFileAtomically(impl_->file.temporary(), "");  // says why, where the encoder would not
   const cv::Size even_size((width + 1) / 2 * 2, (height + 1) / 2 * 2);
   try {
-    impl_->encoder.emplace(impl_->file.temporary().string(), even_size.width, even_size.height,
-                           fps);
+    impl_->encoder.emplace(impl_->file.temporary().string(), even_size.width, even_size.height, fps,
+                           effort == VideoEffort::kLow ? "ultrafast" : "superfast");
   } catch (const std::runtime_error& e) {
     throw Error(ErrorCode::kUnsupported,
                 fmt::format("{}: no H.264 of {} x {} at {} frames per second: {}", path.string(),

@@ -21,6 +21,7 @@ constexpr double kNear = 0.03;  // a pose that is right to a few centimetres
 constexpr int kMinFar = 3;
 constexpr int kMinNear = 5;
 constexpr size_t kMaxSamples = 255;
+constexpr int kStripRows = 16;     // that share their buffers
 constexpr int kMaxNearSpread = 8;  // near the actor only what never changes is background
 constexpr double kMadToSigma = 1.4826;
 
@@ -40,41 +41,36 @@ cv::Mat PlacesOf(const cv::Mat& model_mask) {
   return places;
 }
 
-// One row of every sample, so that many pixels are looked at in one instruction.
+// One row of every sample, all channels side by side, so that many are looked at in one instruction.
 struct SampleRows {
-  SampleRows(size_t num_samples, int width)
-      : seen(num_samples, std::vector<uint8_t>(static_cast<size_t>(width))),
-        values(seen),
-        count(static_cast<size_t>(width)) {}
+  SampleRows(int num_samples, int width)
+      : unseen(num_samples, width), values(num_samples, width), count(1, width), spread(1, width) {}
 
-  std::vector<std::vector<uint8_t>> seen;    // 1 where the background is
-  std::vector<std::vector<uint8_t>> values;  // one channel
-  std::vector<uint8_t> count;                // of samples in which it is
+  cv::Mat1b unseen;  // a row per sample: 0 where the background is, else 255
+  cv::Mat1b values;  // 255 where the background is not
+  cv::Mat1b count;   // of samples in which it is
+  cv::Mat1b spread;
 };
 
-// below += seen where value < least.
-void CountBelow(size_t width, const uint8_t* value, const uint8_t* seen, const uint8_t* least,
-                uint8_t* below) {
-  for (size_t x = 0; x < width; ++x) {
-    const auto mask = static_cast<uint8_t>(-static_cast<int>(value[x] < least[x]));
-    below[x] = static_cast<uint8_t>(below[x] + (seen[x] & mask));
-  }
-}
-
-// Pixel by pixel the median of the values seen (the upper one of two), bit by bit.
-void Median(const SampleRows& rows, std::vector<uint8_t>* median) {
-  const size_t width = rows.count.size();
-  median->assign(width, 0);
-  std::vector<uint8_t> least(width), below(width);
+// Pixel by pixel the median of the values seen (the upper one of two), bit by bit. 255 is below
+// nothing, so that what is not seen does not count.
+void Median(const SampleRows& rows, uint8_t* median) {
+  const int width = rows.count.cols;
+  cv::Mat1b trial(1, width), num_below(1, width);
+  uint8_t* const least = trial.ptr();
+  uint8_t* const below = num_below.ptr();
+  const uint8_t* const count = rows.count.ptr();
+  std::fill_n(median, width, uint8_t{0});
   for (int bit = 128; bit > 0; bit /= 2) {
-    below.assign(width, 0);
-    for (size_t x = 0; x < width; ++x) least[x] = static_cast<uint8_t>((*median)[x] | bit);
-    for (size_t s = 0; s < rows.values.size(); ++s) {
-      CountBelow(width, rows.values[s].data(), rows.seen[s].data(), least.data(), below.data());
+    for (int x = 0; x < width; ++x) least[x] = static_cast<uint8_t>(median[x] | bit);
+    std::fill_n(below, width, uint8_t{0});
+    for (int s = 0; s < rows.values.rows; ++s) {
+      const uint8_t* const value = rows.values[s];
+      for (int x = 0; x < width; ++x) {
+        below[x] = static_cast<uint8_t>(below[x] + static_cast<int>(value[x] < least[x]));
+      }
     }
-    for (size_t x = 0; x < width; ++x) {
-      if (below[x] <= rows.count[x] / 2) (*median)[x] = least[x];
-    }
+    for (int x = 0; x < width; ++x) median[x] = below[x] <= count[x] / 2 ? least[x] : median[x];
   }
 }
 
@@ -107,49 +103,58 @@ BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int nu
   BackgroundPlate plate;
   plate.picture = cv::Mat(size, CV_8UC3, cv::Scalar::all(0));
   plate.spread = cv::Mat(size, CV_8U, cv::Scalar(BackgroundPlate::kUnknown));
-  ParallelFor(size.height, num_threads, [&](int y) {
-    const auto width = static_cast<size_t>(size.width);
-    SampleRows rows(pictures.size(), size.width);
-    std::vector<uint8_t> num_far(width, 0), median(width), spread(width), largest(width, 0);
+  const auto num_samples = static_cast<int>(samples.size());
+  const auto see_row = [&](int y, SampleRows& rows) {
+    const int width = size.width;
+    std::vector<int> num_far(static_cast<size_t>(width), 0);
     for (const cv::Mat& place : places) {
-      for (size_t x = 0; x < width; ++x) {
-        num_far[x] += static_cast<uint8_t>(place.ptr(y)[x] == kFarFromActor);
+      const uint8_t* at = place.ptr(y);
+      for (int x = 0; x < width; ++x) num_far[static_cast<size_t>(x)] += at[x] == kFarFromActor;
+    }
+    rows.count.setTo(0);
+    uint8_t* const count = rows.count.ptr();
+    for (int s = 0; s < num_samples; ++s) {
+      const uint8_t* place = places[static_cast<size_t>(s)].ptr(y);
+      const uint8_t* bgr = pictures[static_cast<size_t>(s)].ptr(y);
+      uint8_t* const unseen = rows.unseen[s];
+      uint8_t* const values = rows.values[s];
+      for (int x = 0; x < width; ++x) {
+        const bool far = num_far[static_cast<size_t>(x)] >= kMinFar;
+        const bool seen = place[x] >= (far ? kFarFromActor : kNearActor);
+        std::fill_n(unseen + 3 * x, 3, static_cast<uint8_t>(seen ? 0 : 255));
+      }
+      for (int i = 0; i < 3 * width; ++i) {
+        count[i] = static_cast<uint8_t>(count[i] + static_cast<int>(unseen[i] == 0));
+        values[i] = bgr[i] | unseen[i];
       }
     }
-    for (size_t s = 0; s < places.size(); ++s) {
-      const uint8_t* place = places[s].ptr(y);
-      for (size_t x = 0; x < width; ++x) {
-        rows.seen[s][x] = place[x] >= (num_far[x] >= kMinFar ? kFarFromActor : kNearActor) ? 1 : 0;
-        rows.count[x] += rows.seen[s][x];
+    uint8_t* const median = plate.picture.ptr(y);
+    Median(rows, median);
+    for (int s = 0; s < num_samples; ++s) {
+      uint8_t* const values = rows.values[s];
+      const uint8_t* const unseen = rows.unseen[s];
+      for (int i = 0; i < 3 * width; ++i) {
+        const int off = values[i] > median[i] ? values[i] - median[i] : median[i] - values[i];
+        values[i] = static_cast<uint8_t>(off | unseen[i]);
       }
     }
-    for (int c = 0; c < 3; ++c) {
-      for (size_t s = 0; s < pictures.size(); ++s) {
-        const auto* bgr = pictures[s].ptr<cv::Vec3b>(y);
-        for (size_t x = 0; x < width; ++x) rows.values[s][x] = bgr[x][c];
-      }
-      Median(rows, &median);
-      for (std::vector<uint8_t>& values : rows.values) {
-        for (size_t x = 0; x < width; ++x) {
-          values[x] = static_cast<uint8_t>(std::abs(values[x] - median[x]));
-        }
-      }
-      Median(rows, &spread);
-      for (size_t x = 0; x < width; ++x) {
-        plate.picture.ptr<cv::Vec3b>(y)[x][c] = median[x];
-        largest[x] = std::max(largest[x], spread[x]);
-      }
-    }
-    for (size_t x = 0; x < width; ++x) {
-      const bool is_far = num_far[x] >= kMinFar;
-      if (!is_far && rows.count[x] < kMinNear) {
+    Median(rows, rows.spread.ptr());
+    for (int x = 0; x < width; ++x) {
+      const bool far = num_far[static_cast<size_t>(x)] >= kMinFar;
+      if (!far && count[3 * x] < kMinNear) {
         plate.picture.ptr<cv::Vec3b>(y)[x] = {};
         continue;
       }
-      const double sigma = std::min(kMadToSigma * largest[x], BackgroundPlate::kUnknown - 1.0);
-      if (is_far || sigma < kMaxNearSpread + 1)
-        plate.spread.ptr(y)[x] = static_cast<uint8_t>(sigma);
+      const uint8_t* const of = rows.spread.ptr() + 3 * x;
+      const double sigma =
+          std::min(kMadToSigma * std::max({of[0], of[1], of[2]}), BackgroundPlate::kUnknown - 1.0);
+      if (far || sigma < kMaxNearSpread + 1) plate.spread.ptr(y)[x] = static_cast<uint8_t>(sigma);
     }
+  };
+  ParallelFor((size.height + kStripRows - 1) / kStripRows, num_threads, [&](int strip) {
+    SampleRows rows(num_samples, 3 * size.width);
+    const int end = std::min((strip + 1) * kStripRows, size.height);
+    for (int y = strip * kStripRows; y < end; ++y) see_row(y, rows);
   });
   return plate;
 }

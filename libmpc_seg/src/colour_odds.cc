@@ -163,10 +163,9 @@ float ColourOdds::operator()(const cv::Vec3b& bgr, int x, int y, float plate_den
 }
 
 size_t StillnessOdds::Bin(uint16_t change) {
-  const unsigned c = change + 1U;
-  const int octave = std::bit_width(c) - 1;
-  const unsigned half = octave > 0 ? (c >> (octave - 1)) & 1U : 0;  // upper half of the octave
-  return std::min<size_t>(2 * static_cast<size_t>(octave) + half, kBins - 1);
+  // The exponent and the highest bit of the mantissa, which tells the upper half of an octave.
+  const auto bits = std::bit_cast<uint32_t>(static_cast<float>(change + 1));
+  return std::min<size_t>((bits >> 22) - 2 * 127, kBins - 1);
 }
 
 StillnessOdds::StillnessOdds(const cv::Mat& change, const cv::Mat& actor,
@@ -174,9 +173,11 @@ StillnessOdds::StillnessOdds(const cv::Mat& change, const cv::Mat& actor,
   std::array<double, kBins> actor_count{}, background_count{};
   for (int y = 0; y < change.rows; ++y) {
     const uint16_t* row = change.ptr<uint16_t>(y);
+    const uint8_t* is_actor = actor.ptr(y);
+    const uint8_t* is_background = background.ptr(y);
     for (int x = 0; x < change.cols; ++x) {
-      if (actor.ptr(y)[x]) ++actor_count[Bin(row[x])];
-      if (background.ptr(y)[x]) ++background_count[Bin(row[x])];
+      if (is_actor[x]) ++actor_count[Bin(row[x])];
+      if (is_background[x]) ++background_count[Bin(row[x])];
     }
   }
   // Share of the pixels in and around a bin: a triangle of five.

@@ -153,8 +153,10 @@ cv::Mat SquaredChange(const cv::Mat& a, const cv::Mat& b) {
   return change;
 }
 
-GridCutResult SolveGridCut(const GridCutProblem& problem) {
-  const size_t degree = problem.eight_connected ? 8 : 4;
+namespace {
+
+template <size_t degree>
+GridCutResult Solve(const GridCutProblem& problem) {
   const cv::Size size = problem.trimap.size();
   GridCutResult result;
   result.labels = problem.trimap & 1;  // that of known pixels; all others are set below
@@ -250,6 +252,12 @@ GridCutResult SolveGridCut(const GridCutProblem& problem) {
     result.labels.ptr(pixel.y)[pixel.x] = flow.OnSourceSide(n);
   }
   return result;
+}
+
+}  // namespace
+
+GridCutResult SolveGridCut(const GridCutProblem& problem) {
+  return problem.eight_connected ? Solve<8>(problem) : Solve<4>(problem);
 }
 
 int64_t GridCutEnergy(const GridCutProblem& problem, const cv::Mat& labels) {

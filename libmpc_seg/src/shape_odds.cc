@@ -13,7 +13,6 @@ constexpr double kMinPlaces = 20;
 constexpr double kPriorPlaces = 10;  // with the whole outline's error, added to every neighbourhood
 constexpr double kMinSigmaPx = 0.5;
 constexpr double kGrossShare = 0.05;
-constexpr double kFarSquared = 36;  // in sigma^2: a Gaussian is less than a float's rounding there
 constexpr double kCellsPerReach = 4;  // of the sums over a neighbourhood
 
 // Standard deviation of a Gaussian whose mean absolute value is one.
@@ -21,21 +20,24 @@ const double kSigmaOfMean = std::sqrt(std::numbers::pi / 2);
 
 // Log-odds that a pixel is inside an outline that lies z standard deviations from it, if that is
 // where the outline is but for kGrossShare.
-class OddsTable {
+double OddsAt(double z) {
+  const double inside = 0.5 * std::erfc(-z / std::numbers::sqrt2);
+  return std::log((inside + kGrossShare) / (1 - inside + kGrossShare));
+}
+
+// A function of |z| up to six standard deviations, beyond which it stays as it is.
+class Table {
  public:
-  OddsTable() {
+  template <typename Function>
+  explicit Table(const Function& function) {
     for (size_t i = 0; i < values_.size(); ++i) {
-      const double z = static_cast<double>(i) / kPerSigma;
-      const double inside = 0.5 * std::erfc(-z / std::numbers::sqrt2);
-      values_[i] =
-          static_cast<float>(std::log((inside + kGrossShare) / (1 - inside + kGrossShare)));
+      values_[i] = static_cast<float>(function(static_cast<double>(i) / kPerSigma));
     }
   }
   float operator()(float z) const {
     const float at = std::min(std::abs(z) * kPerSigma, static_cast<float>(values_.size() - 2));
     const auto i = static_cast<size_t>(at);
-    const float odds = values_[i] + (at - static_cast<float>(i)) * (values_[i + 1] - values_[i]);
-    return z < 0 ? -odds : odds;
+    return values_[i] + (at - static_cast<float>(i)) * (values_[i + 1] - values_[i]);
   }
 
  private:
@@ -46,8 +48,15 @@ class OddsTable {
 }  // namespace
 
 cv::Mat1f SignedDistance(const cv::Mat& mask) {
-  cv::Mat1f inside, outside;
-  cv::distanceTransform(mask, inside, cv::DIST_L2, cv::DIST_MASK_5);
+  cv::Mat1f inside(mask.size(), 0.F), outside;
+  const cv::Rect box = cv::boundingRect(mask);
+  const cv::Rect around =
+      cv::Rect(box.x - 1, box.y - 1, box.width + 2, box.height + 2) & cv::Rect({}, mask.size());
+  if (!box.empty()) {
+    cv::Mat1f near;
+    cv::distanceTransform(mask(around), near, cv::DIST_L2, cv::DIST_MASK_5);
+    near.copyTo(inside(around));
+  }
   cv::distanceTransform(~mask, outside, cv::DIST_L2, cv::DIST_MASK_5);
   const auto far = static_cast<float>(mask.cols + mask.rows);  // where there is no other side
   for (int y = 0; y < mask.rows; ++y) {
@@ -69,15 +78,16 @@ cv::Mat1f MeasurePrecision(const cv::Mat1f& distance, const cv::Mat& labels, con
                        (labels.rows + cell_px - 1) / cell_px);
   cv::Mat1f error(cells, 0.F), count(cells, 0.F);
   const auto add = [&](const cv::Point& a, const cv::Point& b) {
-    if ((labels.at<uint8_t>(a) != 0) == (labels.at<uint8_t>(b) != 0)) return;
     if (!is_sure.at<uint8_t>(a) || !is_sure.at<uint8_t>(b)) return;
     error(a / cell_px) += std::abs(distance(a) + distance(b)) / 2;
     count(a / cell_px) += 1;
   };
   for (int y = 0; y < labels.rows; ++y) {
+    const uint8_t* row = labels.ptr(y);
+    const uint8_t* below = labels.ptr(std::min(y + 1, labels.rows - 1));
     for (int x = 0; x < labels.cols; ++x) {
-      if (x + 1 < labels.cols) add({x, y}, {x + 1, y});
-      if (y + 1 < labels.rows) add({x, y}, {x, y + 1});
+      if (x + 1 < labels.cols && row[x] != row[x + 1]) add({x, y}, {x + 1, y});
+      if (row[x] != below[x]) add({x, y}, {x, y + 1});
     }
   }
   const double total = cv::sum(count)[0];
@@ -99,24 +109,29 @@ cv::Mat1f MeasurePrecision(const cv::Mat1f& distance, const cv::Mat& labels, con
 }
 
 cv::Mat1f OutlineOdds(const cv::Mat1f& distance, const cv::Mat1f& precision) {
-  static const OddsTable odds_at;
+  static const Table odds_at(OddsAt);
   cv::Mat1f odds(distance.size());
   for (int y = 0; y < odds.rows; ++y) {
-    for (int x = 0; x < odds.cols; ++x) odds(y, x) = odds_at(distance(y, x) * precision(y, x));
+    const float* d = distance[y];
+    const float* p = precision[y];
+    float* out = odds[y];
+    for (int x = 0; x < odds.cols; ++x) out[x] = std::copysign(odds_at(d[x] * p[x]), d[x]);
   }
   return odds;
 }
 
 cv::Mat1f OutlineStrength(const cv::Mat1f& distance, const cv::Mat1f& precision, double discount,
                           double sharp_px) {
+  static const Table gaussian([](double z) { return std::exp(-0.5 * z * z); });
   cv::Mat1f strength(distance.size());
+  const auto most = static_cast<float>(discount), scale = static_cast<float>(sharp_px);
   for (int y = 0; y < strength.rows; ++y) {
+    const float* d = distance[y];
+    const float* p = precision[y];
+    float* out = strength[y];
     for (int x = 0; x < strength.cols; ++x) {
-      const double z = distance(y, x) * precision(y, x), sharp = sharp_px * precision(y, x);
-      strength(y, x) = z * z > kFarSquared
-                           ? 1
-                           : static_cast<float>(1 - discount * std::min(1.0, sharp * sharp) *
-                                                        std::exp(-0.5 * z * z));
+      const float sharp = scale * p[x];
+      out[x] = 1 - most * std::min(1.F, sharp * sharp) * gaussian(d[x] * p[x]);
     }
   }
   return strength;

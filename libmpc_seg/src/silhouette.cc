@@ -44,25 +44,33 @@ cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
 }
 
 // Removes pieces of the actor without a certain pixel that are small, and fills small holes.
-void RemoveSpecks(const cv::Mat& trimap, double model_area, cv::Mat* labels) {
+void RemoveSpecks(const cv::Mat& whole_trimap, double model_area, cv::Mat* whole_labels) {
+  // With a ring around it, in which all of the background outside hangs together.
+  const cv::Rect box = cv::boundingRect(*whole_labels);
+  const cv::Rect around = cv::Rect(box.x - 1, box.y - 1, box.width + 2, box.height + 2) &
+                          cv::Rect({}, whole_labels->size());
+  if (box.empty()) return;
+  const cv::Mat trimap = whole_trimap(around);
+  cv::Mat labels = (*whole_labels)(around);
   for (const bool inside : {true, false}) {
-    const cv::Mat side = inside ? *labels : *labels == 0;
-    cv::Mat1i region, stats;
-    cv::Mat centroids;
-    const int n = cv::connectedComponentsWithStats(side, region, stats, centroids, inside ? 8 : 4);
+    cv::Mat1i region;
+    const int n = cv::connectedComponents(labels == (inside ? 1 : 0), region, inside ? 8 : 4);
     if (n <= 2) continue;
     const TrimapLabel certain = inside ? kTrimapForeground : kTrimapBackground;
-    const double small = (inside ? kMinIsland : kMaxHole) * model_area;
-    std::vector<uint8_t> remove(static_cast<size_t>(n), 0);
-    for (int i = 1; i < n; ++i) remove[static_cast<size_t>(i)] = stats(i, cv::CC_STAT_AREA) < small;
+    std::vector<double> area(static_cast<size_t>(n), 0);  // without limit where there is one
     for (int y = 0; y < region.rows; ++y) {
+      const int* in = region[y];
+      const uint8_t* known = trimap.ptr(y);
       for (int x = 0; x < region.cols; ++x) {
-        if (trimap.ptr(y)[x] == certain) remove[static_cast<size_t>(region(y, x))] = 0;
+        area[static_cast<size_t>(in[x])] += known[x] == certain ? model_area + 1 : 1;
       }
     }
+    area[0] = model_area + 1;  // the other side
+    const double small = (inside ? kMinIsland : kMaxHole) * model_area;
+    if (*std::min_element(area.begin(), area.end()) >= small) continue;
     for (int y = 0; y < region.rows; ++y) {
       for (int x = 0; x < region.cols; ++x) {
-        if (remove[static_cast<size_t>(region(y, x))]) labels->ptr(y)[x] = !inside;
+        if (area[static_cast<size_t>(region(y, x))] < small) labels.ptr(y)[x] = !inside;
       }
     }
   }
@@ -133,7 +141,13 @@ class Extraction {
     AddEvidence();
     if (!Cut()) return UseModel(SilhouetteState::kNoBackground, box);
     if (result_.confidence < kMinConfidence) return UseModel(SilhouetteState::kAmbiguous, box);
-    for (int level = num_halvings_ - 1; level >= 0; --level) Refine(level);
+    if (options_.refine_outline) {
+      for (int level = num_halvings_ - 1; level >= 0; --level) Refine(level);
+    } else {
+      cv::Mat full;
+      cv::resize(255 * labels_, full, crop_.size(), 0, 0, cv::INTER_LINEAR);
+      labels_ = full > 127;
+    }
 
     result_.state = SilhouetteState::kCut;
     const cv::Mat inside = labels_(cv::Rect({}, result_.roi.size())) != 0;

@@ -85,7 +85,7 @@ TEST_F(CaptureTest, WritesAllFilesAndACompleteReport) {
   EXPECT_EQ(json["camera"]["name"], "small");
   EXPECT_EQ(json["mapping"]["parts"]["left_hand"], "leftHand");
   EXPECT_TRUE(json["proportions"]["parts"]["thigh"]["uncertainty"].is_number());
-  for (const char* stage : {"video", "pose", "world", "files", "refinement", "overlay"}) {
+  for (const char* stage : {"video", "pose", "world", "files", "refinement"}) {
     EXPECT_TRUE(json["seconds"][stage].is_number()) << stage;
     EXPECT_TRUE(json["core_seconds"][stage].is_number()) << stage;
   }
@@ -293,15 +293,30 @@ TEST_F(CaptureTest, MasksMustBeOfThisVideo) {
   EXPECT_FALSE(fs::exists(out_ / "take"));
 }
 
-TEST_F(CaptureTest, StoppedInTheOverlayLeavesNoHalfVideo) {
+TEST_F(CaptureTest, StoppedInTheRefinementLeavesNoHalfVideo) {
   Capture capture(clip_->inputs, out_.path());
   capture.Run();
+  const CaptureReport report = capture.Run([](const Progress& progress) {
+    return progress.stage != "refinement" || progress.step < progress.num_steps;
+  });
+  EXPECT_FALSE(report.complete);
+  EXPECT_THAT(FilesIn(out_.path()),
+              UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
+                                   "report.json"));
+}
+
+TEST_F(CaptureTest, StoppedInTheOverlayLeavesNoHalfVideo) {
+  CaptureOptions options;
+  options.masks = false;
+  Capture capture(clip_->inputs, out_.path(), options);
+  EXPECT_TRUE(capture.Run().complete);
+  EXPECT_TRUE(fs::exists(out_ / "overlay.mp4"));
   const CaptureReport report =
       capture.Run([](const Progress& progress) { return progress.stage != "overlay"; });
   EXPECT_FALSE(report.complete);
   EXPECT_THAT(FilesIn(out_.path()),
               UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc", "poses.json",
-                                   "masks.mp4", "surface.pc2", "report.json"));
+                                   "report.json"));
   EXPECT_EQ(ReadReport(out_.path())["complete"], false);
 }
 
@@ -318,8 +333,8 @@ TEST_F(CaptureTest, ProgressCountsEveryStageToItsEnd) {
     last[std::string(progress.stage)] = progress;
     return true;
   });
-  EXPECT_EQ(last.size(), 6u);
-  for (const char* stage : {"video", "start", "proportions", "pose", "refinement", "overlay"}) {
+  EXPECT_EQ(last.size(), 5u);
+  for (const char* stage : {"video", "start", "proportions", "pose", "refinement"}) {
     EXPECT_EQ(last[stage].step, last[stage].num_steps) << stage;
     EXPECT_GT(last[stage].num_steps, 0) << stage;
   }

@@ -532,20 +532,20 @@ TEST_F(CommandTest, AFullDeviceIsAnError) {
 }
 
 TEST_F(CommandTest, CtrlCKeepsWhatIsFinishedAndExitsWith130) {
-  // Long enough that the overlay is still being made when the signal comes.
+  // Long enough that frames are still being refined when the signal comes.
   const SmallClip longer(240);
   std::vector<std::string> arguments = CaptureArguments(longer.inputs, output());
   std::erase(arguments, "--quiet");
   arguments.insert(arguments.begin(), MPC_COMMAND);
   const Process process(arguments);
-  process.WaitFor("overlay");
+  process.WaitFor("refinement");
   process.Signal(SIGINT);
   const Outcome outcome = process.Wait();
   EXPECT_EQ(outcome.exit_code, 130) << outcome.err;
   EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
-  EXPECT_THAT(FilesIn(output()), ::testing::UnorderedElementsAre(
-                                     "performance.glb", "motion.bvh", "joints.trc", "poses.json",
-                                     "masks.mp4", "surface.pc2", "report.json"));
+  EXPECT_THAT(FilesIn(output()),
+              ::testing::UnorderedElementsAre("performance.glb", "motion.bvh", "joints.trc",
+                                              "poses.json", "report.json"));
   EXPECT_EQ(nlohmann::json::parse(ReadFile(output() / "report.json"))["complete"], false);
 }
 
@@ -556,7 +556,7 @@ TEST_F(CommandTest, ProgressIsALineNowAndThen) {
   EXPECT_EQ(outcome.exit_code, 0);
   EXPECT_THAT(outcome.err, StartsWith("video 1/24"));
   EXPECT_THAT(outcome.err, HasSubstr("\npose "));
-  EXPECT_THAT(outcome.err, HasSubstr("overlay 24/24 (100 %)\n"));
+  EXPECT_THAT(outcome.err, HasSubstr("refinement 24/24 (100 %)\n"));
   EXPECT_THAT(outcome.err, Not(HasSubstr("\r")));
 }
 

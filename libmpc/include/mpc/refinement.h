@@ -48,6 +48,7 @@ struct RefinedFrame {
   const Eigen::VectorXd& pose;       // N
   const Eigen::Matrix3Xf& vertices;  // 3xV, the final surface
   const cv::Mat& silhouette;         // CV_8UC1
+  const cv::Mat& picture;            // of the video, CV_8UC3
 };
 
 using RefinementSink = std::function<void(const RefinedFrame&)>;
@@ -59,8 +60,8 @@ struct ClipRefinement {
 };
 
 // Hands the frames to `sink` in their order, from the calling thread. Reports progress as stage
-// "refinement". Memory does not grow with the clip but for `poses` and records: it holds the
-// smoothing's window and two decoded frames per thread. Results do not depend on the number of
+// "refinement". Memory does not grow with the clip but for `poses` and records: it holds
+// two decoded frames per thread and those of the smoothing's window. Results do not depend on the number of
 // threads. Throws Error as ExtractSilhouettes and FrameRefiner.
 ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& options,
                           const RefinementSink& sink, const ProgressCallback& progress = {});

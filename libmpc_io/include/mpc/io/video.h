@@ -46,13 +46,19 @@ class VideoReader {
   std::unique_ptr<Impl> impl_;
 };
 
+enum class VideoEffort {
+  kLow,  // files a third larger, made in two thirds of the time
+  kUsual,
+};
+
 // Writes H.264, yuv420p, .mp4. The file appears at `path` complete, by Close(), or not at all.
 class VideoWriter {
  public:
   // An odd width or height is padded by one pixel, as the format needs. Throws Error
   // (kInvalidArgument for sizes or fps, kWriteFailed for the folder, kUnsupported without an
   // encoder).
-  VideoWriter(const std::filesystem::path& path, int width, int height, double fps);
+  VideoWriter(const std::filesystem::path& path, int width, int height, double fps,
+              VideoEffort effort = VideoEffort::kUsual);
   ~VideoWriter();
   VideoWriter(VideoWriter&&) noexcept;
   VideoWriter& operator=(VideoWriter&&) noexcept;

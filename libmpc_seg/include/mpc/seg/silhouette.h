@@ -40,6 +40,7 @@ struct SegmentationOptions {
   // Solution.
   int num_rounds = 1;            // of colour models and cut, >= 1; GrabCut: 5
   bool coarse_to_fine = true;    // cut small, refine the outline; false: the whole crop at once
+  bool refine_outline = true;    // after a small cut; false: only scale it up; ours
   bool eight_connected = false;  // neighbours; GrabCut: true
   bool band_colours = true;      // learn from eroded M and outside the band; false: from all of M
   bool keep_earlier = true;      // use FrameInput::earlier; ours

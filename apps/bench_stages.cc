@@ -66,6 +66,7 @@ StageOutput RunPose(const BenchClip& clip, const StageOutputs&) {
   StageOutput output;
   output.seconds = watch.Seconds();
   output.poses = track.poses;
+  output.error_2d_mm = track.error_2d_mm;
   output.character = Scaled(clip, track.proportions);
   return output;
 }
@@ -78,7 +79,9 @@ StageOutput Refine(const BenchClip& clip, const StageOutput& before, mpc::Refine
   const mpc::PosedClip posed = {.video = clip.video,
                                 .camera = clip.camera,
                                 .character = before.character,
-                                .poses = before.poses};
+                                .poses = before.poses,
+                                .error_2d_mm = before.error_2d_mm,
+                                .camera_motion = clip.truth.motion};
   const auto surface = std::make_shared<std::vector<Eigen::Matrix3Xf>>();
   const mpc::ClipRefinement refinement = mpc::RefineClip(
       posed, options, [&](const mpc::RefinedFrame& frame) { surface->push_back(frame.vertices); },

@@ -21,7 +21,8 @@ struct StageOutput {
   Eigen::MatrixXd poses;     // N x F
   // Vertices of a frame, of a stage that deforms the surface; empty: the skinned character.
   std::function<void(int, Eigen::Matrix3Xf*)> vertices;
-  double seconds = 0;  // of processor time, all threads together, from the detections on
+  double error_2d_mm = 20;  // PoseTrack::error_2d_mm, of stages that measure it
+  double seconds = 0;       // of processor time, all threads together, from the detections on
   // The surface of a stage that went on to it; it is another stage's result.
   std::shared_ptr<const std::vector<Eigen::Matrix3Xf>> surface;  // F times 3xV
   double surface_seconds = 0;                                    // more than `seconds`

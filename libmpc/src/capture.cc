@@ -360,7 +360,9 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                         .character = character,
                         .poses = report.track.poses,
                         .masks = inputs_.masks,
-                        .true_masks = inputs_.true_masks};
+                        .true_masks = inputs_.true_masks,
+                        .error_2d_mm = report.track.error_2d_mm,
+                        .camera_motion = loaded_->camera_motion};
       if (options_.person_masks) {
         clip.person_masks = person_masks;
         clip.person_gap = person_gap;

@@ -1,5 +1,6 @@
 #include "mpc/refinement.h"
 
+#include <algorithm>
 #include <ctime>
 #include <deque>
 #include <utility>
@@ -29,6 +30,16 @@ void ClipRefinementOptions::Validate() const {
 
 namespace {
 
+constexpr double kUsualError2dMm = 7;  // that w_stab was chosen for
+
+// The batch's poses are as good as the detections they follow: where those err less than the best
+// networks, E_stab gets their precision.
+FrameRefinementOptions HeldBy(double error_2d_mm, FrameRefinementOptions options) {
+  const double gain = std::max(1.0, kUsualError2dMm / error_2d_mm);
+  options.pose.weight_stab *= gain * gain;
+  return options;
+}
+
 // What the threads leave of a frame, and what its place in the smoothing's window keeps.
 struct Result {
   FrameRefinement refinement;
@@ -47,12 +58,13 @@ double ThreadSeconds() {
 
 class Stage {
  public:
-  Stage(const PosedClip& clip, const ClipRefinementOptions& options, BackgroundPlate background)
+  Stage(const PosedClip& clip, const ClipRefinementOptions& options,
+        internal::BackgroundView background)
       : clip_(clip),
         options_(options),
         first_extraction_(options.silhouettes.segmentation),
         maker_(clip, options.silhouettes, std::move(background)),
-        refiner_(clip.character, options.frames) {
+        refiner_(clip.character, HeldBy(clip.error_2d_mm, options.frames)) {
     first_extraction_.refine_outline &= options.frames.level == RefinementLevel::kNone;
   }
 
@@ -114,8 +126,8 @@ class Stage {
 ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& options,
                           const RefinementSink& sink, const ProgressCallback& progress) {
   options.Validate();
-  std::optional<BackgroundPlate> background =
-      internal::SeeBackground(clip, options.silhouettes, "refinement", progress);
+  std::optional<internal::BackgroundView> background =
+      internal::BackgroundView::See(clip, options.silhouettes, "refinement", progress);
   ClipRefinement refinement;
   refinement.poses = clip.poses;
   if (!background) return refinement;

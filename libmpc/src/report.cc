@@ -210,6 +210,7 @@ void WriteReport(const std::filesystem::path& path, const CaptureInputs& inputs,
     json["person_iou"] = IouJson(report.person_iou);
   }
   json["num_windows"] = report.track.num_windows;
+  json["error_2d_mm"] = report.track.error_2d_mm;
   if (!inputs.true_masks.empty()) {
     const auto summary = [&](const auto& iou) { return TrueIouJson(report.refinement, iou); };
     using Record = RefinementRecord;

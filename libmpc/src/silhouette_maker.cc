@@ -10,7 +10,6 @@
 namespace mpc::internal {
 
 namespace {
-constexpr int kMaxPlateSamples = 24;
 constexpr int kMaxPictureSide = 16384;  // of the rasteriser
 }  // namespace
 
@@ -25,31 +24,8 @@ cv::Mat PosedModelMask(const Character& character, const Camera& camera,
   return mask;
 }
 
-std::optional<BackgroundPlate> SeeBackground(const PosedClip& clip,
-                                             const SilhouetteOptions& options, const char* stage,
-                                             const ProgressCallback& progress) {
-  if (!clip.masks.empty() || options.segmentation.weight_plate == 0) return BackgroundPlate();
-  VideoReader video = OpenVideo(clip);
-  const SurfaceTopology topology = SurfaceTopology::FromMesh(clip.character.mesh);
-  const auto num_frames = static_cast<int>(clip.poses.cols());
-  const int num_samples = std::min(num_frames, kMaxPlateSamples);
-  std::vector<PlateSample> samples;
-  cv::Mat picture;
-  for (int f = 0; static_cast<int>(samples.size()) < num_samples; ++f) {
-    // Evenly over the clip.
-    const bool wanted = f * num_samples / num_frames >= static_cast<int>(samples.size());
-    if (!(wanted ? video.Read(&picture) : video.Skip())) break;
-    if (!wanted) continue;
-    if (progress && !progress({stage, 0, num_frames})) return std::nullopt;
-    samples.push_back({picture.clone(),
-                       PosedModelMask(clip.character, clip.camera, topology, clip.poses.col(f))});
-  }
-  if (samples.empty()) return BackgroundPlate();
-  return MakeBackgroundPlate(samples, options.num_threads);
-}
-
 SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options,
-                                 BackgroundPlate background)
+                                 BackgroundView background)
     : clip_(clip),
       options_(options),
       topology_(SurfaceTopology::FromMesh(clip.character.mesh)),
@@ -79,7 +55,7 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
   input.skeleton_mask =
       SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
   input.earlier = earlier;
-  input.background = background_;
+  input.background = background_.At(frame.index);
   input.previous_from_current = frame.previous_from_current;
   input.person_probability =
       PictureMask(clip_.person_masks, frame.index, clip_.person_gap, frame.picture.size());

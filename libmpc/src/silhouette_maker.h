@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "background_view.h"
 #include "clip_reader.h"
 #include "mpc/render/model_mask.h"
 #include "mpc/silhouettes.h"
@@ -19,17 +20,11 @@ namespace mpc::internal {
 cv::Mat PosedModelMask(const Character& character, const Camera& camera,
                        const SurfaceTopology& topology, const Eigen::VectorXd& pose);
 
-// What is behind the actor, from some pictures of the clip; empty where it is not asked for. Reports
-// the first step of `stage` for each of them; nothing when the callback stopped it.
-std::optional<BackgroundPlate> SeeBackground(const PosedClip& clip,
-                                             const SilhouetteOptions& options, const char* stage,
-                                             const ProgressCallback& progress);
-
 class SilhouetteMaker {
  public:
   // The first two must outlive it.
   SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options,
-                  BackgroundPlate background);
+                  BackgroundView background);
 
   // M of a posed mesh (3xV, camera frame).
   void Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const;
@@ -47,7 +42,7 @@ class SilhouetteMaker {
   const SilhouetteOptions& options_;
   SurfaceTopology topology_;
   std::vector<Limb> limbs_;
-  BackgroundPlate background_;
+  BackgroundView background_;
 };
 
 SilhouetteRecord MakeRecord(const Silhouette& silhouette, const cv::Mat& model,

@@ -30,8 +30,8 @@ std::vector<SilhouetteRecord> ExtractSilhouettes(const PosedClip& clip,
                                                  const SilhouetteSink& sink,
                                                  const ProgressCallback& progress) {
   options.Validate();
-  std::optional<BackgroundPlate> background =
-      internal::SeeBackground(clip, options, "silhouettes", progress);
+  std::optional<internal::BackgroundView> background =
+      internal::BackgroundView::See(clip, options, "silhouettes", progress);
   if (!background) return {};
   const internal::SilhouetteMaker maker(clip, options, std::move(*background));
   const int num_frames = static_cast<int>(clip.poses.cols());

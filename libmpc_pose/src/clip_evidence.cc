@@ -23,7 +23,7 @@ using enum JointId;
 constexpr double kErrorSpread = 1.3;
 constexpr double kErrorStandingMm = 15;    // of a standing foot along the ray
 constexpr double kRobustStandingMm = 200;  // it does not stand there after all
-constexpr double kUsualError2dMm = 7;  // of the best networks, per axis
+constexpr double kUsualError2dMm = 7;      // of the best networks, per axis
 constexpr double kMinError2dMm = 2;
 // Part of the errors is followed by the solution that they are measured from.
 constexpr double kFollowed = 1.35;

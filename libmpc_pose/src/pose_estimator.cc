@@ -220,6 +220,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     track.poses = BlendWindows(windows, solved, evidence.num_frames());
   }
   track.proportions = calibration.proportions();
+  track.error_2d_mm = evidence.error_2d_mm();
   track.uncertainty = calibration.uncertainty();
   track.seconds_batch = batch_watch.Seconds() - track.seconds_calibration;
 

@@ -16,7 +16,8 @@ namespace mpc {
 namespace {
 
 // Distances from M, in actor sizes.
-constexpr double kFar = 0.2;    // wider than the band in which the actor may be, since skirts swing out of it
+constexpr double kFar =
+    0.2;  // wider than the band in which the actor may be, since skirts swing out of it
 constexpr double kNear = 0.03;  // a pose that is right to a few centimetres
 constexpr int kMinFar = 3;
 constexpr int kMinNear = 5;
@@ -39,6 +40,17 @@ cv::Mat PlacesOf(const cv::Mat& model_mask) {
   cv::distanceTransform(model_mask(around) == 0, distance, cv::DIST_L2, cv::DIST_MASK_5);
   places(around) = (distance > kNear * size) / 255 + (distance > kFar * size) / 255;
   return places;
+}
+
+// Some rows of the plate as a sample shows them; 0 where it does not.
+cv::Mat StripOf(const cv::Mat& picture, const std::optional<cv::Matx33d>& plate_from_picture,
+                const cv::Range& rows, int width, int interpolation) {
+  if (!plate_from_picture) return picture.rowRange(rows);
+  const cv::Matx33d up(1, 0, 0, 0, 1, -rows.start, 0, 0, 1);
+  cv::Mat strip;
+  cv::warpPerspective(picture, strip, up * *plate_from_picture, {width, rows.size()},
+                      interpolation);
+  return strip;
 }
 
 // One row of every sample, all channels side by side, so that many are looked at in one instruction.
@@ -76,7 +88,8 @@ void Median(const SampleRows& rows, uint8_t* median) {
 
 }  // namespace
 
-BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int num_threads) {
+BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int num_threads,
+                                    const cv::Size& plate_size) {
   if (samples.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "background plate: no samples, expected at least one");
   }
@@ -85,37 +98,47 @@ BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int nu
                 fmt::format("background plate: {} samples, expected at most {}", samples.size(),
                             kMaxSamples));
   }
-  const cv::Size size = samples.front().picture.size();
+  const cv::Size picture_size = samples.front().picture.size();
+  const cv::Size size = plate_size.empty() ? picture_size : plate_size;
   std::vector<cv::Mat> pictures(samples.size()), places(samples.size());
   for (const PlateSample& sample : samples) {
     CheckPicture(sample.picture, "sample of the background");
     CheckMask(sample.model_mask, sample.picture.size(), "model mask");
-    if (sample.picture.size() != size) {
+    if (sample.picture.size() != picture_size) {
       throw Error(ErrorCode::kMismatch, "background plate: the samples have different sizes");
+    }
+    if (!sample.plate_from_picture && size != picture_size) {
+      throw Error(ErrorCode::kMismatch, "background plate: a sample has no place on it");
     }
   }
   ParallelFor(static_cast<int>(samples.size()), num_threads, [&](int i) {
     const auto s = static_cast<size_t>(i);
     pictures[s] = ToBgr8(samples[s].picture);
     places[s] = PlacesOf(samples[s].model_mask);
+    // What is blended with what lies outside of the picture is not seen.
+    if (samples[s].plate_from_picture) {
+      cv::rectangle(places[s], {{}, picture_size}, cv::Scalar(kActor));
+    }
   });
 
   BackgroundPlate plate;
   plate.picture = cv::Mat(size, CV_8UC3, cv::Scalar::all(0));
   plate.spread = cv::Mat(size, CV_8U, cv::Scalar(BackgroundPlate::kUnknown));
   const auto num_samples = static_cast<int>(samples.size());
-  const auto see_row = [&](int y, SampleRows& rows) {
+  // One row of the plate, of strips of all samples in which it is the given one.
+  const auto see_row = [&](int y, int row, const std::vector<cv::Mat>& seen_pictures,
+                           const std::vector<cv::Mat>& seen_places, SampleRows& rows) {
     const int width = size.width;
     std::vector<int> num_far(static_cast<size_t>(width), 0);
-    for (const cv::Mat& place : places) {
-      const uint8_t* at = place.ptr(y);
+    for (const cv::Mat& place : seen_places) {
+      const uint8_t* at = place.ptr(row);
       for (int x = 0; x < width; ++x) num_far[static_cast<size_t>(x)] += at[x] == kFarFromActor;
     }
     rows.count.setTo(0);
     uint8_t* const count = rows.count.ptr();
     for (int s = 0; s < num_samples; ++s) {
-      const uint8_t* place = places[static_cast<size_t>(s)].ptr(y);
-      const uint8_t* bgr = pictures[static_cast<size_t>(s)].ptr(y);
+      const uint8_t* place = seen_places[static_cast<size_t>(s)].ptr(row);
+      const uint8_t* bgr = seen_pictures[static_cast<size_t>(s)].ptr(row);
       uint8_t* const unseen = rows.unseen[s];
       uint8_t* const values = rows.values[s];
       for (int x = 0; x < width; ++x) {
@@ -153,10 +176,28 @@ BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int nu
   };
   ParallelFor((size.height + kStripRows - 1) / kStripRows, num_threads, [&](int strip) {
     SampleRows rows(num_samples, 3 * size.width);
-    const int end = std::min((strip + 1) * kStripRows, size.height);
-    for (int y = strip * kStripRows; y < end; ++y) see_row(y, rows);
+    const cv::Range range(strip * kStripRows, std::min((strip + 1) * kStripRows, size.height));
+    std::vector<cv::Mat> seen_pictures, seen_places;
+    for (size_t s = 0; s < samples.size(); ++s) {
+      const std::optional<cv::Matx33d>& place = samples[s].plate_from_picture;
+      seen_pictures.push_back(StripOf(pictures[s], place, range, size.width, cv::INTER_LINEAR));
+      seen_places.push_back(StripOf(places[s], place, range, size.width, cv::INTER_NEAREST));
+    }
+    for (int y = range.start; y < range.end; ++y) {
+      see_row(y, y - range.start, seen_pictures, seen_places, rows);
+    }
   });
   return plate;
+}
+
+BackgroundPlate ViewOfPlate(const BackgroundPlate& plate, const cv::Matx33d& plate_from_picture,
+                            const cv::Size& size) {
+  BackgroundPlate view;
+  constexpr int kFlags = cv::INTER_LINEAR | cv::WARP_INVERSE_MAP;
+  cv::warpPerspective(plate.picture, view.picture, plate_from_picture, size, kFlags);
+  cv::warpPerspective(plate.spread, view.spread, plate_from_picture, size, kFlags,
+                      cv::BORDER_CONSTANT, cv::Scalar(BackgroundPlate::kUnknown));
+  return view;
 }
 
 }  // namespace mpc

@@ -155,5 +155,16 @@ TEST_F(RefinementTest, OneFrameIsAClip) {
   EXPECT_TRUE(result.poses.allFinite());
 }
 
+TEST_F(RefinementTest, HoldsPosesFromBetterDetectionsMoreFirmly) {
+  PosedClip clip = clip_->clip();
+  const auto moved = [&](double error_2d_mm) {
+    clip.error_2d_mm = error_2d_mm;
+    return (Refine(clip, {}).refinement.poses - clip.poses).topRows<3>().norm();
+  };
+  const double usual = moved(20);
+  EXPECT_EQ(moved(7), usual);
+  EXPECT_LT(moved(2), 0.5 * usual);
+}
+
 }  // namespace
 }  // namespace mpc

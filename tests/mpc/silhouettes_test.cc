@@ -1,9 +1,14 @@
 #include "mpc/silhouettes.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <nlohmann/json.hpp>
+#include <opencv2/core/eigen.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
 #include <set>
 #include <string>
 #include <vector>
@@ -109,8 +114,11 @@ TEST_F(SilhouettesTest, DoNotDependOnTheNumberOfThreads) {
 
 TEST_F(SilhouettesTest, SeeTheBackgroundWhereTheActorHasBeen) {
   const DrawnClip walk(9, 0.25);
-  const std::optional<BackgroundPlate> plate =
-      internal::SeeBackground(walk.clip(), {}, "silhouettes", {});
+  const auto see = [](const PosedClip& clip, const SilhouetteOptions& options = {}) {
+    const auto view = internal::BackgroundView::See(clip, options, "silhouettes", {});
+    return view ? std::optional(view->At(0)) : std::nullopt;
+  };
+  const std::optional<BackgroundPlate> plate = see(walk.clip());
   ASSERT_TRUE(plate);
   const cv::Mat known = plate->spread != BackgroundPlate::kUnknown;
   EXPECT_GT(cv::countNonZero(known), 0.98 * static_cast<double>(known.total()));
@@ -120,8 +128,7 @@ TEST_F(SilhouettesTest, SeeTheBackgroundWhereTheActorHasBeen) {
   EXPECT_LT((mean[0] + mean[1] + mean[2]) / 3, 8);  // the coder leaves little of the noise
 
   // One who stays hides it.
-  const std::optional<BackgroundPlate> still =
-      internal::SeeBackground(clip_->clip(), {}, "silhouettes", {});
+  const std::optional<BackgroundPlate> still = see(clip_->clip());
   ASSERT_TRUE(still);
   EXPECT_EQ(still->spread.at<uint8_t>(DrawnClip::kHeight / 2, DrawnClip::kWidth / 2),
             BackgroundPlate::kUnknown);
@@ -129,9 +136,61 @@ TEST_F(SilhouettesTest, SeeTheBackgroundWhereTheActorHasBeen) {
   // With masks of the user's own, and in the paper, nothing is looked at.
   PosedClip given = walk.clip();
   given.masks = walk.true_masks;
-  EXPECT_TRUE(internal::SeeBackground(given, {}, "silhouettes", {})->empty());
-  EXPECT_TRUE(
-      internal::SeeBackground(walk.clip(), SilhouetteOptions::Paper(), "silhouettes", {})->empty());
+  EXPECT_TRUE(see(given)->empty());
+  EXPECT_TRUE(see(walk.clip(), SilhouetteOptions::Paper())->empty());
+}
+
+// A camera that turns by known angles before a wall with a picture on it, and an actor who stays in view.
+TEST_F(SilhouettesTest, SeeTheBackgroundOfACameraThatTurns) {
+  const Camera& camera = clip_->camera;
+  const auto num_frames = static_cast<int>(clip_->poses.cols());
+  const cv::Matx33d k(camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+  cv::Mat wall(900, 1400, CV_8UC3);
+  cv::RNG(5).fill(wall, cv::RNG::UNIFORM, 0, 256);
+  cv::GaussianBlur(wall, wall, {0, 0}, 6);
+  cv::normalize(wall, wall, 0, 255, cv::NORM_MINMAX);
+  const cv::Matx33d picture_from_wall(1, 0, -580, 0, 1, -300, 0, 0, 1);
+  const TempDir folder;
+  std::vector<CameraFromWorld> motion;
+  std::vector<cv::Mat> pictures;
+  for (int f = 0; f < num_frames; ++f) {
+    const double yaw = 0.06 * (f - 2), pitch = 0.02 * f;
+    motion.emplace_back();
+    motion.back().rotation = (Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX()) *
+                              Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()))
+                                 .toRotationMatrix();
+    motion.back().translation.setZero();
+    cv::Matx33d turn;
+    cv::eigen2cv(motion.back().rotation, turn);
+    cv::Mat picture;
+    cv::warpPerspective(wall, picture, k * turn * k.inv() * picture_from_wall,
+                        {camera.width, camera.height});
+    cv::imwrite(folder / fmt::format("{:03d}.png", f), picture);
+    pictures.push_back(picture);
+  }
+  PosedClip clip = clip_->clip();
+  clip.video = folder.path();
+  clip.image_fps = 25;
+  const auto difference = [&](const internal::BackgroundView& view, int f) {
+    const BackgroundPlate plate = view.At(f);
+    const cv::Mat known = plate.spread < 20;
+    EXPECT_GT(cv::countNonZero(known), 0.5 * static_cast<double>(known.total()));
+    cv::Mat off;
+    cv::absdiff(plate.picture, pictures[static_cast<size_t>(f)], off);
+    const cv::Scalar mean = cv::mean(off, known);
+    return (mean[0] + mean[1] + mean[2]) / 3;
+  };
+  clip.camera_motion = motion;
+  const auto view = internal::BackgroundView::See(clip, {}, "silhouettes", {});
+  ASSERT_TRUE(view);
+  for (const int f : {0, num_frames / 2, num_frames - 1}) EXPECT_LT(difference(*view, f), 3);
+
+  // One look to the other side of the room belongs to no plate.
+  motion[1].rotation = Eigen::AngleAxisd(3, Eigen::Vector3d::UnitY()).toRotationMatrix();
+  const auto without = internal::BackgroundView::See(clip, {}, "silhouettes", {});
+  ASSERT_TRUE(without);
+  EXPECT_TRUE(without->At(1).empty());
+  EXPECT_LT(difference(*without, 0), 3);
 }
 
 TEST_F(SilhouettesTest, StopBeforeTheFirstFrame) {

@@ -115,11 +115,46 @@ TEST(BackgroundPlate, KnowsThatItDoesNotKnowAMovingScene) {
   EXPECT_GT(cv::mean(MakeBackgroundPlate(samples).spread)[0], 9);
 }
 
+// A camera that moves by known ways, and an actor who goes with it.
+std::vector<PlateSample> Pan() {
+  std::vector<PlateSample> samples;
+  TestSceneOptions options;
+  for (int i = 0; i < kSamples; ++i) {
+    options.camera = {15.0 * i - 60, 5.0 * i - 20};
+    options.seed = static_cast<uint32_t>(i + 1);
+    const cv::Matx33d place(1, 0, 100 - options.camera.x, 0, 1, 40 - options.camera.y, 0, 0, 1);
+    samples.push_back({MakeScene(options).picture, WrongModel(options, 0), place});
+  }
+  return samples;
+}
+
+TEST(BackgroundPlate, HoldsWhatATurningCameraHasSeen) {
+  const TestSceneOptions options;
+  const cv::Size size = options.size + cv::Size(200, 80);
+  const BackgroundPlate plate = MakeBackgroundPlate(Pan(), 2, size);
+  ASSERT_EQ(plate.picture.size(), size);
+  const cv::Matx33d place(1, 0, 100, 0, 1, 40, 0, 0, 1);
+  const BackgroundPlate view = ViewOfPlate(plate, place, options.size);
+  const cv::Mat known = view.spread != BackgroundPlate::kUnknown;
+  EXPECT_GT(cv::countNonZero(known), 0.85 * static_cast<double>(known.total()));
+  EXPECT_LT(MeanDifference(view.picture, EmptyScene(), known), 3.2);
+  // Taken for a camera at rest it is a blur.
+  EXPECT_LT(cv::mean(view.spread, known)[0], 6);
+  // Never seen: above the first picture and left of it.
+  EXPECT_EQ(plate.spread.at<uint8_t>(2, 150), BackgroundPlate::kUnknown);
+  const BackgroundPlate aside = ViewOfPlate(plate, cv::Matx33d::eye(), options.size);
+  EXPECT_EQ(aside.spread.at<uint8_t>(100, 2), BackgroundPlate::kUnknown);
+}
+
 TEST(BackgroundPlate, SameForAnyNumberOfThreads) {
   const BackgroundPlate one = MakeBackgroundPlate(Walk(), 1);
   const BackgroundPlate three = MakeBackgroundPlate(Walk(), 3);
   EXPECT_EQ(cv::norm(one.picture, three.picture, cv::NORM_INF), 0);
   EXPECT_EQ(cv::norm(one.spread, three.spread, cv::NORM_INF), 0);
+  const BackgroundPlate turning = MakeBackgroundPlate(Pan(), 1, {400, 380});
+  EXPECT_EQ(
+      cv::norm(turning.picture, MakeBackgroundPlate(Pan(), 3, {400, 380}).picture, cv::NORM_INF),
+      0);
 }
 
 TEST(BackgroundPlate, RefusesWhatDoesNotFit) {
@@ -131,6 +166,7 @@ TEST(BackgroundPlate, RefusesWhatDoesNotFit) {
   samples[2].picture = cv::Mat(10, 10, CV_8UC3, cv::Scalar::all(0));
   samples[2].model_mask = cv::Mat(10, 10, CV_8U, cv::Scalar(0));
   EXPECT_MPC_ERROR(MakeBackgroundPlate(samples), kMismatch, "different sizes");
+  EXPECT_MPC_ERROR(MakeBackgroundPlate(Walk(), 1, {999, 9}), kMismatch, "no place");
 }
 
 // A figure in the colours of what is behind it, and no other picture to compare with.

@@ -46,6 +46,10 @@ struct PosedClip {
   // what the pictures say. Empty: none.
   std::span<const PersonMask> person_masks = {};
   int person_gap = 1;
+  // PoseTrack::error_2d_mm: poses from better detections are held more firmly.
+  double error_2d_mm = 20;
+  // Where a moving camera was in every frame; empty: it rests, or nobody knows.
+  std::span<const CameraFromWorld> camera_motion = {};
 };
 
 // What is known of one frame's silhouette.

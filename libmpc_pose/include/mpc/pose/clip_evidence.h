@@ -76,6 +76,8 @@ class ClipEvidence {
   const std::vector<EvidenceBone>& bones() const { return bones_; }
   int num_frames() const { return static_cast<int>(detections2d_->frames.size()); }
   double fps() const { return fps_; }
+  // Of the 2D detections per axis, at the person.
+  double error_2d_mm() const { return error_2d_mm_; }
   // Share of the 3D error's variance that changes from frame to frame; the rest lasts for seconds.
   double white_share() const { return white_share_; }
 

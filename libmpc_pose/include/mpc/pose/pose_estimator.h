@@ -46,6 +46,7 @@ struct PoseTrack {
   std::vector<FrameReport> frames;  // F
   Proportions proportions;          // the poses are those of ScaledSkeleton(skeleton, proportions)
   ProportionsUncertainty uncertainty;
+  double error_2d_mm = 20;  // of the 2D detections per axis, as measured (PoseOptions::error_2d_mm)
   int num_windows = 0;
   bool cancelled =
       false;  // stopped by the callback: windows not solved hold the start of the frames

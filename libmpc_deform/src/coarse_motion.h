@@ -22,7 +22,6 @@ class CoarseMotion {
 
   // The normal equations of the patches' motions at a point, damped; `at` inside the domain.
   void Linearize(const WarpField& at);
-  bool ready() const { return normal_.size() > 0; }
 
   // product += the nodes' motion that answers x.
   void Apply(const Packed& x, Packed* product);

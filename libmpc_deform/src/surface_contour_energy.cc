@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "mpc/core/error.h"
@@ -72,9 +73,12 @@ bool SurfaceContourEnergy::Evaluate(const WarpField& at, int block, double* r,
                                     BlockJacobian* jacobian) const {
   const Pair& pair = pairs_[block];
   Eigen::Vector3d moved = pair.posed;
-  for (int k = pair.begin; k < pair.begin + pair.count; ++k) {
-    moved += shares_[k] *
-             (at.rotations[nodes_[k]] * levers_[k] - levers_[k] + at.translations.col(nodes_[k]));
+  std::array<Eigen::Vector3d, kMaxBlockNodes> turned;
+  for (int k = 0; k < pair.count; ++k) {
+    const int node = nodes_[pair.begin + k];
+    const Eigen::Vector3d& lever = levers_[pair.begin + k];
+    turned[k] = at.rotations[node] * lever;
+    moved += shares_[pair.begin + k] * (turned[k] - lever + at.translations.col(node));
   }
   Eigen::Vector2d pixel;
   Eigen::Matrix<double, 2, 3> by_point;
@@ -85,8 +89,7 @@ bool SurfaceContourEnergy::Evaluate(const WarpField& at, int block, double* r,
   jacobian->resize(1, 6 * pair.count);
   for (int k = 0; k < pair.count; ++k) {
     const Eigen::Vector3d share = shares_[pair.begin + k] * gradient;
-    const Eigen::Vector3d lever = at.rotations[nodes_[pair.begin + k]] * levers_[pair.begin + k];
-    jacobian->block<1, 3>(0, 6 * k) = lever.cross(share).transpose();
+    jacobian->block<1, 3>(0, 6 * k) = turned[k].cross(share).transpose();
     jacobian->block<1, 3>(0, 6 * k + 3) = share.transpose();
   }
   return true;

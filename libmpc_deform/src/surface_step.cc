@@ -2,6 +2,7 @@
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
 #include <limits>
 
 #include "mpc/core/rigid.h"
@@ -39,57 +40,59 @@ SurfaceStep::SurfaceStep(const SurfaceProblem& problem)
     edge_node_.push_back(problem.arap.nodes(e)[1]);
   }
   for (int i = 0; i < problem.num_nodes; ++i) edge_begin_[i + 1] += edge_begin_[i];
+  for (int i = 0; i < problem.num_nodes; ++i) {
+    for (int e = edge_begin_[i]; e < edge_begin_[i + 1]; ++e) {
+      const auto neighbors = edge_node_.begin() + edge_begin_[edge_node_[e]];
+      edge_back_.push_back(
+          static_cast<int>(std::find(neighbors, edge_node_.end(), i) - edge_node_.begin()));
+    }
+  }
   for (int row = 0; row < problem.contour.num_blocks(); ++row) {
     const std::span<const int> nodes = problem.contour.nodes(row);
     row_node_.insert(row_node_.end(), nodes.begin(), nodes.end());
     row_begin_.push_back(static_cast<int>(row_node_.size()));
   }
   coarse_.emplace(problem, edge_begin_, edge_node_);
+
+  const int num_edges = problem.arap.num_blocks();
+  rest_.setZero(4, num_edges);
+  for (int e = 0; e < num_edges; ++e) rest_.col(e).head<3>() = problem.arap.rest(e);
+  turns_.setZero(4, 3 * problem.num_nodes);
+  shifts_.setZero(4, problem.num_nodes);
+  gradient_.resize(8, problem.num_nodes);
+  edge_levers_.resize(4, 2 * num_edges);
+  smooth_.resize(4, 8 * problem.num_nodes);
 }
 
 bool SurfaceStep::Linearize(const WarpField& at) {
-  gradient_.setZero(6, problem_.num_nodes);
-  diagonal_.assign(problem_.num_nodes, Block::Zero());
+  // What only guides the search is that of the first point.
+  const bool is_first = diagonal_.empty();
+  if (is_first) diagonal_.assign(problem_.num_nodes, Block::Zero());
+  gradient_.setZero();
   AddArap(at);
   AddDepthDrift(at);
-  smooth_diagonal_ = diagonal_;
-  if (!AddContour(at)) return false;
-  // It only guides the search, so that the first point's will do for all.
-  if (!coarse_->ready()) coarse_->Linearize(at);
+  if (is_first) {
+    for (int i = 0; i < problem_.num_nodes; ++i) diagonal_[i] += SmoothBlock(i);
+  }
+  if (!AddContour(at, is_first)) return false;
+  if (is_first) coarse_->Linearize(at);
   return true;
 }
 
-// With y = scale R_i (g^_i - g^_j), the Jacobian of an edge's residual by (omega_i, t_i, t_j) is
-// ([y]x, scale, -scale).
 void SurfaceStep::AddArap(const WarpField& at) {
-  const double scale = problem_.arap.scale();
-  edge_levers_.resize(4, 2 * problem_.arap.num_blocks());
   for (int i = 0; i < problem_.num_nodes; ++i) {
-    Eigen::Vector3d sum_y = Eigen::Vector3d::Zero(), sum_r = sum_y, sum_torque = sum_y;
-    Eigen::Matrix3d sum_yy = Eigen::Matrix3d::Zero();
-    for (int e = edge_begin_[i]; e < edge_begin_[i + 1]; ++e) {
-      const int j = edge_node_[e];
-      const Eigen::Vector3d y = scale * problem_.arap.Lever(at, e);
-      const Eigen::Vector3d y_back = -scale * (at.rotations[j] * problem_.arap.rest(e));
-      const Eigen::Vector3d r =
-          scale * (problem_.arap.rest(e) + at.translations.col(i) - at.translations.col(j)) - y;
-      sum_y += y;
-      sum_yy += y * y.transpose();
-      sum_r += r;
-      sum_torque += r.cross(y);
-      gradient_.col(j).tail<3>() -= scale * r;
-      edge_levers_.col(2 * e) = Pad(scale * y);
-      edge_levers_.col(2 * e + 1) = Pad(-scale * y_back);
-    }
-    gradient_.col(i).head<3>() += sum_torque;
-    gradient_.col(i).tail<3>() += scale * sum_r;
-    const int num_edges = edge_begin_[i + 1] - edge_begin_[i];
-    Block& own = diagonal_[i];
-    own.topLeftCorner<3, 3>() += sum_yy.trace() * Eigen::Matrix3d::Identity() - sum_yy;
-    own.topRightCorner<3, 3>() -= scale * CrossMatrix(sum_y);
-    own.bottomLeftCorner<3, 3>() = own.topRightCorner<3, 3>().transpose();
-    own.bottomRightCorner<3, 3>().diagonal().array() += num_edges * 2 * scale * scale;
+    turns_.block<3, 3>(0, 3 * i) = at.rotations[i];
+    shifts_.col(i).head<3>() = at.translations.col(i);
   }
+  kernel_.linearize({.num_nodes = problem_.num_nodes,
+                     .scale = problem_.arap.scale(),
+                     .edge_begin = edge_begin_.data(),
+                     .edge_node = edge_node_.data(),
+                     .edge_back = edge_back_.data(),
+                     .rest = rest_.data(),
+                     .turns = turns_.data(),
+                     .shifts = shifts_.data()},
+                    gradient_.data(), edge_levers_.data(), smooth_.data());
 }
 
 void SurfaceStep::AddDepthDrift(const WarpField& at) {
@@ -97,13 +100,24 @@ void SurfaceStep::AddDepthDrift(const WarpField& at) {
   double r = 0;
   for (int i = 0; i < problem_.depth_drift.num_blocks(); ++i) {
     problem_.depth_drift.Evaluate(at, i, &r, &jacobian);
-    const Vector6 j = jacobian.block<1, 6>(0, 0).transpose();
-    gradient_.col(i) += r * j;
-    diagonal_[i] += j * j.transpose();
+    const Eigen::Vector3d ray = jacobian.block<1, 3>(0, 3).transpose();
+    gradient_.col(i).segment<3>(4) += r * ray;
+    for (int c = 0; c < 3; ++c) smooth_.col(8 * i + 2 * c + 1) += Pad(ray[c] * ray);
   }
 }
 
-bool SurfaceStep::AddContour(const WarpField& at) {
+SurfaceStep::Block SurfaceStep::SmoothBlock(int node) const {
+  Block block;
+  for (int c = 0; c < 3; ++c) {
+    block.block<3, 1>(0, c) = smooth_.col(8 * node + 2 * c).head<3>().cast<double>();
+    block.block<3, 1>(3, 3 + c) = smooth_.col(8 * node + 2 * c + 1).head<3>().cast<double>();
+  }
+  block.bottomLeftCorner<3, 3>() = CrossMatrix(smooth_.col(8 * node + 6).head<3>().cast<double>());
+  block.topRightCorner<3, 3>() = block.bottomLeftCorner<3, 3>().transpose();
+  return block;
+}
+
+bool SurfaceStep::AddContour(const WarpField& at, bool to_diagonal) {
   BlockJacobian jacobian;
   double r = 0;
   row_blocks_.resize(4, 2 * row_begin_.back());
@@ -112,8 +126,9 @@ bool SurfaceStep::AddContour(const WarpField& at) {
     const std::span<const int> nodes = problem_.contour.nodes(row);
     for (size_t k = 0; k < nodes.size(); ++k) {
       const Vector6 j = jacobian.block<1, 6>(0, 6 * k).transpose();
-      gradient_.col(nodes[k]) += r * j;
-      diagonal_[nodes[k]] += j * j.transpose();
+      gradient_.col(nodes[k]).head<3>() += r * j.head<3>();
+      gradient_.col(nodes[k]).segment<3>(4) += r * j.tail<3>();
+      if (to_diagonal) diagonal_[nodes[k]] += j * j.transpose();
       row_blocks_.col(2 * (row_begin_[row] + k)) = Pad(j.head<3>());
       row_blocks_.col(2 * (row_begin_[row] + k) + 1) = Pad(j.tail<3>());
     }
@@ -123,9 +138,9 @@ bool SurfaceStep::AddContour(const WarpField& at) {
 
 // Damped blocks for Multiply, and the inverses for Precondition.
 void SurfaceStep::Damp(double damping) {
-  // The inverses only guide the search too, so that those of a small damping will do for a smaller.
+  // The inverses of a small damping will do for a smaller one.
   const bool invert = inverses_.size() == 0 || damping > inverses_damping_;
-  own_blocks_.resize(4, 8 * problem_.num_nodes);
+  own_blocks_ = smooth_;
   if (invert) {
     inverses_.resize(4, 12 * problem_.num_nodes);
     inverses_damping_ = damping;
@@ -135,17 +150,10 @@ void SurfaceStep::Damp(double damping) {
     damp.head<3>().setConstant(diagonal_[i].topLeftCorner<3, 3>().trace());
     damp.tail<3>().setConstant(diagonal_[i].bottomRightCorner<3, 3>().trace());
     damp = damping / 3 * damp.array() + std::numeric_limits<float>::min();
-    const Block& smooth = smooth_diagonal_[i];
     for (int c = 0; c < 3; ++c) {
-      own_blocks_.col(8 * i + 2 * c) = Pad(smooth.block<3, 1>(0, c));
-      own_blocks_.col(8 * i + 2 * c + 1) = Pad(smooth.block<3, 1>(3, 3 + c));
       own_blocks_(c, 8 * i + 2 * c) += static_cast<float>(damp[0]);
       own_blocks_(c, 8 * i + 2 * c + 1) += static_cast<float>(damp[3]);
     }
-    // [z]x stands in the lower left corner.
-    const Eigen::Vector3d z(smooth(5, 1), smooth(3, 2), smooth(4, 0));
-    own_blocks_.col(8 * i + 6) = Pad(z);
-    own_blocks_.col(8 * i + 7) = Pad(-z);
     if (!invert) continue;
     const Block inverse = Inverse(diagonal_[i] + Block(damp.asDiagonal()));
     for (int c = 0; c < 6; ++c) {
@@ -181,7 +189,7 @@ void SurfaceStep::SolveInner() {
   residual_.setZero(4, 2 * problem_.num_nodes);
   for (int i = 0; i < problem_.num_nodes; ++i) {
     residual_.col(2 * i) = Pad(-gradient_.col(i).head<3>());
-    residual_.col(2 * i + 1) = Pad(-gradient_.col(i).tail<3>());
+    residual_.col(2 * i + 1) = Pad(-gradient_.col(i).segment<3>(4));
   }
   product_.resizeLike(step_);
   preconditioned_.resizeLike(step_);

@@ -30,7 +30,8 @@ class SurfaceStep {
   using Block = Eigen::Matrix<double, 6, 6>;
 
   void AddArap(const WarpField& at);
-  bool AddContour(const WarpField& at);
+  bool AddContour(const WarpField& at, bool to_diagonal);
+  Block SmoothBlock(int node) const;
   void AddDepthDrift(const WarpField& at);
   void Damp(double damping);
   void Multiply(const Packed& x, Packed* product) const;
@@ -42,14 +43,15 @@ class SurfaceStep {
   std::optional<CoarseMotion> coarse_;
   std::vector<int> edge_begin_;                        // M+1: directed edges (i, j) by i
   std::vector<int> edge_node_;                         // j
+  std::vector<int> edge_back_;                         // the edge (j, i)
   std::vector<int> row_begin_, row_node_;              // of E_con
-  Eigen::Matrix<double, 6, Eigen::Dynamic> gradient_;  // 6xM
-  // The 6x6 blocks on the diagonal of J^T J: all of it, and without E_con, which Multiply applies
-  // row by row.
-  std::vector<Block> diagonal_, smooth_diagonal_;
+  Eigen::Matrix4Xd rest_, turns_, shifts_;             // what ArapPoint refers to
+  Eigen::Matrix<double, 8, Eigen::Dynamic> gradient_;  // 8xM: rotation, 0, translation, 0
+  std::vector<Block> diagonal_;  // the 6x6 blocks on the diagonal of J^T J at the first point
 
-  // What NormalEquations refers to; inverses_: of diagonal_, damped.
-  Packed edge_levers_, row_blocks_, own_blocks_, inverses_;
+  // What NormalEquations refers to; smooth_: own_blocks_ before damping, without E_con, which
+  // Multiply applies row by row; inverses_: of diagonal_, damped.
+  Packed edge_levers_, row_blocks_, smooth_, own_blocks_, inverses_;
   double inverses_damping_ = 0;
   Packed step_, residual_, direction_, product_, preconditioned_;
 };

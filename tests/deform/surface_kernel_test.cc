@@ -106,5 +106,61 @@ TEST(SurfaceKernelTest, TwinsGiveTheSameBits) {
   }
 }
 
+// One edge there and back, against the residuals' own Jacobians.
+TEST(SurfaceKernelTest, LinearizesAsItsHeaderSays) {
+  std::mt19937 rng(2);
+  const auto random = [&](int rows, int cols) {
+    return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(
+        rows, cols, [&] { return std::uniform_real_distribution<double>(-1, 1)(rng); }));
+  };
+  const int edge_begin[] = {0, 1, 2}, edge_node[] = {1, 0}, edge_back[] = {1, 0};
+  const double scale = 0.7;
+  Eigen::MatrixXd rest = random(4, 2), turns = random(4, 6), shifts = random(4, 2);
+  rest.col(1) = -rest.col(0);
+  for (Eigen::MatrixXd* padded : {&rest, &turns, &shifts}) padded->row(3).setZero();
+  const ArapPoint at = {2,         scale,       edge_begin,   edge_node,
+                        edge_back, rest.data(), turns.data(), shifts.data()};
+  Eigen::MatrixXd gradient = Eigen::MatrixXd::Zero(8, 2), gradient_best = gradient;
+  std::vector<float> levers(16), own(64), levers_best(16), own_best(64);
+  PortableSurfaceKernel().linearize(at, gradient.data(), levers.data(), own.data());
+  BestSurfaceKernel().linearize(at, gradient_best.data(), levers_best.data(), own_best.data());
+  EXPECT_EQ(gradient, gradient_best);
+  EXPECT_EQ(levers, levers_best);
+  EXPECT_EQ(own, own_best);
+
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(6, 12);  // omega and t of both nodes
+  Eigen::VectorXd r(6);
+  Eigen::Vector3d y[2];
+  for (int i = 0; i < 2; ++i) {
+    const Eigen::Matrix3d turn = turns.block<3, 3>(0, 3 * i);
+    y[i] = scale * turn * rest.col(i).head<3>();
+    r.segment<3>(3 * i) =
+        scale * (rest.col(i) + shifts.col(i) - shifts.col(1 - i)).head<3>() - y[i];
+    for (int c = 0; c < 3; ++c) {
+      jacobian.block<3, 1>(3 * i, 6 * i + c) = y[i].cross(Eigen::Vector3d::Unit(c));
+    }
+    jacobian.block<3, 3>(3 * i, 6 * i + 3) = scale * Eigen::Matrix3d::Identity();
+    jacobian.block<3, 3>(3 * i, 6 * (1 - i) + 3) = -scale * Eigen::Matrix3d::Identity();
+  }
+  const Eigen::VectorXd by_all = jacobian.transpose() * r;
+  const Eigen::MatrixXd normal = jacobian.transpose() * jacobian;
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_LT((gradient.col(i).head<3>() - by_all.segment<3>(6 * i)).norm(), 1e-12);
+    EXPECT_LT((gradient.col(i).segment<3>(4) - by_all.segment<3>(6 * i + 3)).norm(), 1e-12);
+    EXPECT_LT((At(levers, i, 0) - (scale * y[i]).cast<float>()).norm(), 1e-6);
+    EXPECT_LT((At(levers, i, 1) + (scale * y[1 - i]).cast<float>()).norm(), 1e-6);
+    const Eigen::Vector3f z = At(own, 4 * i + 3, 0);
+    for (int c = 0; c < 3; ++c) {
+      const Eigen::VectorXf column = normal.block<6, 1>(6 * i, 6 * i + c).cast<float>();
+      EXPECT_LT((At(own, 4 * i + c, 0) - column.head<3>()).norm(), 1e-6);
+      EXPECT_LT((z.cross(Eigen::Vector3f::Unit(c)) - column.tail<3>()).norm(), 1e-6);
+      EXPECT_LT((At(own, 4 * i + c, 1) - normal.block<3, 1>(6 * i + 3, 6 * i + 3 + c).cast<float>())
+                    .norm(),
+                1e-6);
+    }
+    EXPECT_EQ(z, -At(own, 4 * i + 3, 1));
+  }
+}
+
 }  // namespace
 }  // namespace mpc

@@ -575,7 +575,7 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
     BoneVectorWeights weights;
     weights.across = kError2dMm / error_3d_mm_;
     weights.along = weights.across / depth_error_ratio_;
-    if (white_share > 0) {
+    if (joints != nullptr && white_share > 0) {
       const double gain = error_3d_mm_ / error_white_mm_;
       for (BoneObservation joint :
            AnchorJoints(observation, *joints, pelvis, error_white_mm_ / 1000)) {

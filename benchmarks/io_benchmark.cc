@@ -193,18 +193,57 @@ void WriteMask720p_BaselineImwrite(benchmark::State& state) {
 }
 BENCHMARK(WriteMask720p_BaselineImwrite)->Unit(benchmark::kMillisecond)->Iterations(50);
 
-// A clip of a textured picture that moves.
-std::filesystem::path WriteClip(const testing::TempDir& dir) {
+// A textured picture that moves.
+std::vector<cv::Mat> Pictures() {
   cv::Mat wide(720, 1280 + 8 * kFrames, CV_8UC3);
   cv::setRNGSeed(1);
   cv::randu(wide, 0, 256);
   cv::GaussianBlur(wide, wide, {}, 3);
+  std::vector<cv::Mat> pictures;
+  for (int f = 0; f < kFrames; ++f) pictures.push_back(wide(cv::Rect(8 * f, 0, 1280, 720)));
+  return pictures;
+}
+
+std::filesystem::path WriteClip(const testing::TempDir& dir) {
   const std::filesystem::path path = dir / "clip.mp4";
   VideoWriter writer(path, 1280, 720, 30);
-  for (int f = 0; f < kFrames; ++f) writer.Write(wide(cv::Rect(8 * f, 0, 1280, 720)));
+  for (const cv::Mat& picture : Pictures()) writer.Write(picture);
   writer.Close();
   return path;
 }
+
+// Processor time of all of the encoder's threads.
+void WriteVideo720p(benchmark::State& state, VideoEffort effort) {
+  const testing::TempDir dir;
+  const std::vector<cv::Mat> pictures = Pictures();
+  for (auto _ : state) {
+    VideoWriter writer(dir / "clip.mp4", 1280, 720, 30, effort);
+    for (const cv::Mat& picture : pictures) writer.Write(picture);
+    writer.Close();
+  }
+}
+void WriteVideo720p_Usual(benchmark::State& state) { WriteVideo720p(state, VideoEffort::kUsual); }
+BENCHMARK(WriteVideo720p_Usual)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime();
+void WriteVideo720p_Low(benchmark::State& state) { WriteVideo720p(state, VideoEffort::kLow); }
+BENCHMARK(WriteVideo720p_Low)->Unit(benchmark::kMillisecond)->MeasureProcessCPUTime();
+
+void WriteByOpenCv(benchmark::State& state) {
+  const testing::TempDir dir;
+  const std::vector<cv::Mat> pictures = Pictures();
+  const int h264 = cv::VideoWriter::fourcc('a', 'v', 'c', '1');
+  for (auto _ : state) {
+    cv::VideoWriter writer((dir / "clip.mp4").string(), h264, 30, {1280, 720});
+    for (const cv::Mat& picture : pictures) writer.write(picture);
+  }
+}
+void WriteVideo720p_Usual_BaselineVideoWriter(benchmark::State& state) { WriteByOpenCv(state); }
+BENCHMARK(WriteVideo720p_Usual_BaselineVideoWriter)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
+void WriteVideo720p_Low_BaselineVideoWriter(benchmark::State& state) { WriteByOpenCv(state); }
+BENCHMARK(WriteVideo720p_Low_BaselineVideoWriter)
+    ->Unit(benchmark::kMillisecond)
+    ->MeasureProcessCPUTime();
 
 void ReadVideo720p(benchmark::State& state) {
   const testing::TempDir dir;

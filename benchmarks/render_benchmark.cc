@@ -182,6 +182,31 @@ void BM_FindModelBoundary(benchmark::State& state) {
 }
 BENCHMARK(BM_FindModelBoundary)->Unit(benchmark::kMicrosecond);
 
+// Mask, hidden parts and boundary of a posed mesh, as every iteration of a refinement needs them.
+void BM_DrawModelBoundary(benchmark::State& state) {
+  const Crop& crop = PersonCrop();
+  mpc::BoundaryBuffers buffers;
+  for (auto _ : state) {
+    benchmark::DoNotOptimize(
+        mpc::DrawModelBoundary(Person().camera, Person().positions, crop.topology, true, &buffers));
+  }
+}
+BENCHMARK(BM_DrawModelBoundary)->Unit(benchmark::kMicrosecond);
+
+// The same from whole images of mask and depth.
+void BM_DrawModelBoundary_BaselineImages(benchmark::State& state) {
+  const Crop& crop = PersonCrop();
+  mpc::RasterBuffers buffers;
+  cv::Mat mask;
+  for (auto _ : state) {
+    mpc::RasterizeMesh(crop.camera, Person().positions, Person().triangles, {}, &buffers);
+    mpc::ModelMask(crop.camera, Person().positions, crop.topology, &mask);
+    benchmark::DoNotOptimize(mpc::FindModelBoundary(crop.camera, Person().positions, crop.topology,
+                                                    mask, buffers.depth));
+  }
+}
+BENCHMARK(BM_DrawModelBoundary_BaselineImages)->Unit(benchmark::kMicrosecond);
+
 // Sixteen limbs across the person: as outlines, and as the fine mesh whose depth is drawn too.
 mpc::CapsuleSet Limbs() {
   mpc::CapsuleSet limbs;

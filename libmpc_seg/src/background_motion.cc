@@ -23,10 +23,9 @@ constexpr double kScatterPx = 0.5;   // length of most of its tracks
 constexpr double kMostTracks = 0.8;
 
 cv::Mat SmallGrey(const cv::Mat& picture, int num_halvings) {
-  cv::Mat small = picture;
-  for (int i = 0; i < num_halvings; ++i) small = Halved(small);
   cv::Mat grey;
-  cv::cvtColor(ToBgr8(small), grey, cv::COLOR_BGR2GRAY);
+  cv::cvtColor(ToBgr8(picture), grey, cv::COLOR_BGR2GRAY);
+  for (int i = 0; i < num_halvings; ++i) grey = Halved(grey);
   return grey;
 }
 
@@ -65,7 +64,8 @@ std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, con
   if (points.size() < kMinPoints) return std::nullopt;
   std::vector<cv::Point2f> tracked;
   std::vector<uint8_t> found;
-  cv::calcOpticalFlowPyrLK(grey, previous_grey, points, tracked, found, cv::noArray(), {15, 15}, 4);
+  cv::calcOpticalFlowPyrLK(grey, previous_grey, points, tracked, found, cv::noArray(), {15, 15}, 4,
+                           {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 10, 0.03});
   std::vector<cv::Point2f> from;
   std::vector<cv::Point2f> to;
   for (size_t i = 0; i < points.size(); ++i) {

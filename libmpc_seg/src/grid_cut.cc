@@ -56,21 +56,28 @@ class Links {
         motion_{ExpTable(gamma_motion(), 1.5 * problem.beta_motion, kMaxChange),
                 ExpTable(diagonal() * gamma_motion(), 1.5 * problem.beta_motion, kMaxChange)} {}
 
-  int32_t operator()(int x, int y, size_t direction) const {
-    const Direction& d = kDirections[direction];
-    const int diagonal = direction >= 4 ? 1 : 0;
-    const cv::Vec3b& a = problem_.bgr.ptr<cv::Vec3b>(y)[x];
-    const cv::Vec3b& b = problem_.bgr.ptr<cv::Vec3b>(y + d.dy)[x + d.dx];
-    const int db = a[0] - b[0], dg = a[1] - b[1], dr = a[2] - b[2];
+  // What links depend on, of one row.
+  struct Row {
+    const uint8_t* bgr = nullptr;
+    const uint16_t* change = nullptr;
+    const float* strength = nullptr;
+  };
+  Row row(int y) const {
+    Row row = {.bgr = problem_.bgr.ptr(y)};
+    if (has_motion_) row.change = problem_.change.ptr<uint16_t>(y);
+    if (!problem_.strength.empty()) row.strength = problem_.strength.ptr<float>(y);
+    return row;
+  }
+
+  // Between pixel ax of row a and pixel bx of row b.
+  int32_t operator()(const Row& a, int ax, const Row& b, int bx, bool diagonal) const {
+    const uint8_t* p = a.bgr + 3 * ax;
+    const uint8_t* q = b.bgr + 3 * bx;
+    const int db = p[0] - q[0], dg = p[1] - q[1], dr = p[2] - q[2];
     int32_t link = contrast_[diagonal](db * db + dg * dg + dr * dr);
-    if (has_motion_) {
-      link += motion_[diagonal](problem_.change.ptr<uint16_t>(y)[x] +
-                                problem_.change.ptr<uint16_t>(y + d.dy)[x + d.dx]);
-    }
-    if (!problem_.strength.empty()) {
-      const float strength =
-          problem_.strength.ptr<float>(y)[x] + problem_.strength.ptr<float>(y + d.dy)[x + d.dx];
-      link = cvRound(0.5F * strength * static_cast<float>(link));
+    if (has_motion_) link += motion_[diagonal](a.change[ax] + b.change[bx]);
+    if (a.strength != nullptr) {
+      link = cvRound(0.5F * (a.strength[ax] + b.strength[bx]) * static_cast<float>(link));
     }
     return link;
   }
@@ -100,9 +107,8 @@ int NextUnknown(const uint8_t* trimap, int x, int width) {
   return x;
 }
 
-int32_t ScaledLogOdds(const GridCutProblem& problem, int x, int y) {
-  const double o = problem.log_odds.at<float>(y, x);
-  return cvRound(kScale * std::clamp(o, -kMaxLogOdds, kMaxLogOdds));
+int32_t ScaledLogOdds(float log_odds) {
+  return cvRound(kScale * std::clamp<double>(log_odds, -kMaxLogOdds, kMaxLogOdds));
 }
 
 struct Pixel {
@@ -177,25 +183,34 @@ GridCutResult Solve(const GridCutProblem& problem) {
   for (int y = 0; y < size.height; ++y) {
     std::swap(here, above);
     const uint8_t* trimap = problem.trimap.ptr(y);
+    const float* log_odds = problem.log_odds.ptr<float>(y);
+    // The rows before, at and after this one; those outside the picture are not looked at.
+    std::array<Links::Row, 3> rows;
+    std::array<const uint8_t*, 3> labels{};
+    for (int dy = -1; dy <= 1; ++dy) {
+      if (y + dy < 0 || y + dy >= size.height) continue;
+      rows[static_cast<size_t>(1 + dy)] = link_of.row(y + dy);
+      labels[static_cast<size_t>(1 + dy)] = problem.trimap.ptr(y + dy);
+    }
     for (int x = NextUnknown(trimap, 0, size.width); x < size.width;
          x = NextUnknown(trimap, x + 1, size.width)) {
       const auto p = static_cast<int32_t>(pixels.size());
       here[static_cast<size_t>(x)] = p;
       Pixel& pixel = pixels.emplace_back(
-          Pixel{static_cast<int16_t>(x), static_cast<int16_t>(y), ScaledLogOdds(problem, x, y)});
+          Pixel{static_cast<int16_t>(x), static_cast<int16_t>(y), ScaledLogOdds(log_odds[x])});
       for (size_t d = 0; d < degree; ++d) {
         const int qx = x + kDirections[d].dx;
-        const int qy = y + kDirections[d].dy;
-        if (qx < 0 || qy < 0 || qx >= size.width || qy >= size.height) continue;
-        const uint8_t other = problem.trimap.ptr(qy)[qx];
+        const auto row = static_cast<size_t>(1 + kDirections[d].dy);
+        if (qx < 0 || qx >= size.width || labels[row] == nullptr) continue;
+        const uint8_t other = labels[row][qx];
         const bool later = d % 2 == 1;
         if (IsUnknown(other) && later) continue;
-        const int32_t link = link_of(x, y, d);
+        const int32_t link = link_of(rows[1], x, rows[row], qx, d >= 4);
         if (!IsUnknown(other)) {
           pixel.odds += other == kTrimapForeground ? link : -link;
           continue;
         }
-        const int32_t q = (qy == y ? here : above)[static_cast<size_t>(qx)];
+        const int32_t q = (row == 1 ? here : above)[static_cast<size_t>(qx)];
         neighbours[static_cast<size_t>(p) * degree + d] = {q, link};
         neighbours[static_cast<size_t>(q) * degree + (d ^ 1)] = {p, link};
         pixel.links += link;
@@ -206,13 +221,10 @@ GridCutResult Solve(const GridCutProblem& problem) {
   result.num_unknown = num_unknown;
 
   // Decide pixels that no labels of their neighbours could turn, which may decide those in turn.
-  std::vector<int> pending(pixels.size());
-  for (size_t p = 0; p < pixels.size(); ++p) pending[p] = static_cast<int>(pixels.size() - 1 - p);
-  while (!pending.empty()) {
-    const int p = pending.back();
-    pending.pop_back();
+  std::vector<int> pending;
+  const auto decide = [&](int p) {
     Pixel& pixel = pixels[static_cast<size_t>(p)];
-    if (pixel.decided || std::abs(pixel.odds) <= pixel.links) continue;
+    if (pixel.decided || std::abs(pixel.odds) <= pixel.links) return;
     pixel.decided = true;
     const bool inside = pixel.odds > 0;
     result.labels.ptr(pixel.y)[pixel.x] = inside;
@@ -223,6 +235,13 @@ GridCutResult Solve(const GridCutProblem& problem) {
       other.odds += inside ? neighbour.link : -neighbour.link;
       other.links -= neighbour.link;
       if (std::abs(other.odds) > other.links) pending.push_back(neighbour.pixel);
+    }
+  };
+  for (int p = 0; p < num_unknown; ++p) {
+    for (decide(p); !pending.empty();) {
+      const int next = pending.back();
+      pending.pop_back();
+      decide(next);
     }
   }
 
@@ -267,13 +286,17 @@ int64_t GridCutEnergy(const GridCutProblem& problem, const cv::Mat& labels) {
   for (int y = 0; y < labels.rows; ++y) {
     for (int x = 0; x < labels.cols; ++x) {
       const bool unknown = IsUnknown(problem.trimap.ptr(y)[x]);
-      if (unknown && labels.ptr(y)[x]) energy -= ScaledLogOdds(problem, x, y);
+      if (unknown && labels.ptr(y)[x]) {
+        energy -= ScaledLogOdds(problem.log_odds.ptr<float>(y)[x]);
+      }
       for (size_t d = 1; d < degree; d += 2) {
         const int qx = x + kDirections[d].dx;
         const int qy = y + kDirections[d].dy;
         if (qx < 0 || qy < 0 || qx >= labels.cols || qy >= labels.rows) continue;
         if (!unknown && !IsUnknown(problem.trimap.ptr(qy)[qx])) continue;
-        if ((labels.ptr(y)[x] != 0) != (labels.ptr(qy)[qx] != 0)) energy += link_of(x, y, d);
+        if ((labels.ptr(y)[x] != 0) != (labels.ptr(qy)[qx] != 0)) {
+          energy += link_of(link_of.row(y), x, link_of.row(qy), qx, d >= 4);
+        }
       }
     }
   }

@@ -17,7 +17,9 @@ constexpr int32_t kInfinity = std::numeric_limits<int32_t>::max();
 
 }  // namespace
 
-MaxFlow::MaxFlow(int num_nodes) : nodes_(static_cast<size_t>(std::max(0, num_nodes))) {}
+MaxFlow::MaxFlow(int num_nodes) : nodes_(static_cast<size_t>(std::max(0, num_nodes))) {
+  edges_.reserve(2 * nodes_.size());  // of a grid with four neighbours
+}
 
 void MaxFlow::AddTerminals(int node, int32_t from_source, int32_t to_sink) {
   Node& n = nodes_[node];

@@ -97,6 +97,20 @@ TEST(Silhouette, CoarseToFineAgreesWithTheWholeCrop) {
   EXPECT_GT(MaskIou(banded.mask, full.mask), 0.985);
 }
 
+TEST(Silhouette, AnOutlineThatIsOnlyScaledUpIsNearlyAsGood) {
+  TestSceneOptions scene;
+  scene.size = {720, 960};
+  scene.centre = {360, 480};
+  scene.height = 800;
+  const Case c = MakeCase(scene);
+  SegmentationOptions options;
+  const double refined = MaskIou(ExtractSilhouette(c.frame, options).mask, c.scene.truth);
+  options.refine_outline = false;
+  const double scaled = MaskIou(ExtractSilhouette(c.frame, options).mask, c.scene.truth);
+  EXPECT_LT(scaled, refined);
+  EXPECT_GT(scaled, refined - 0.02);  // half a small pixel along the outline
+}
+
 TEST(Silhouette, ScalesWithThePicture) {
   for (const double scale : {0.25, 0.5, 2.0, 4.0}) {
     TestSceneOptions options;

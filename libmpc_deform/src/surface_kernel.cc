@@ -1,5 +1,7 @@
 #include "surface_kernel.h"
 
+#include <cstddef>
+
 #if defined(__x86_64__) && defined(__GNUC__)
 #define MPC_AVX2_KERNEL 1
 #endif
@@ -94,12 +96,12 @@ MPC_INLINE void Linearize(const ArapPoint& at, double* gradient, float* levers, 
   Double4* by_node = Fours(gradient);
   Float4* lever = reinterpret_cast<Float4*>(levers);
   Float4* block = reinterpret_cast<Float4*>(own);
-  for (int i = 0; i < at.num_nodes; ++i, block += 8) {
+  for (std::ptrdiff_t i = 0; i < at.num_nodes; ++i, block += 8) {
     const Double4* turn = Fours(at.turns) + 3 * i;
     const Double4 shift = Fours(at.shifts)[i];
     Double4 sum_y = {}, sum_r = {}, crossed = {}, yy0 = {}, yy1 = {}, yy2 = {};
-    for (int e = at.edge_begin[i]; e < at.edge_begin[i + 1]; ++e) {
-      const int j = at.edge_node[e];
+    for (std::ptrdiff_t e = at.edge_begin[i]; e < at.edge_begin[i + 1]; ++e) {
+      const std::ptrdiff_t j = at.edge_node[e], back = at.edge_back[e];
       const Double4 rest = Fours(at.rest)[e];
       const Double4 y = scale * (Spread<0>(rest) * turn[0] + Spread<1>(rest) * turn[1] +
                                  Spread<2>(rest) * turn[2]);
@@ -113,7 +115,7 @@ MPC_INLINE void Linearize(const ArapPoint& at, double* gradient, float* levers, 
       by_node[2 * j + 1] -= scale * r;
       const Float4 scaled = rounded(scale * y);
       lever[2 * e] = scaled;
-      lever[2 * at.edge_back[e] + 1] = -scaled;
+      lever[2 * back + 1] = -scaled;
     }
     by_node[2 * i] += Next(crossed);
     by_node[2 * i + 1] += scale * sum_r;

@@ -144,7 +144,7 @@ BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int nu
       for (int x = 0; x < width; ++x) {
         const bool far = num_far[static_cast<size_t>(x)] >= kMinFar;
         const bool seen = place[x] >= (far ? kFarFromActor : kNearActor);
-        std::fill_n(unseen + 3 * x, 3, static_cast<uint8_t>(seen ? 0 : 255));
+        std::fill_n(&unseen[3 * x], 3, static_cast<uint8_t>(seen ? 0 : 255));
       }
       for (int i = 0; i < 3 * width; ++i) {
         count[i] = static_cast<uint8_t>(count[i] + static_cast<int>(unseen[i] == 0));
@@ -168,7 +168,7 @@ BackgroundPlate MakeBackgroundPlate(std::span<const PlateSample> samples, int nu
         plate.picture.ptr<cv::Vec3b>(y)[x] = {};
         continue;
       }
-      const uint8_t* const of = rows.spread.ptr() + 3 * x;
+      const uint8_t* const of = &rows.spread.ptr()[3 * x];
       const double sigma =
           std::min(kMadToSigma * std::max({of[0], of[1], of[2]}), BackgroundPlate::kUnknown - 1.0);
       if (far || sigma < kMaxNearSpread + 1) plate.spread.ptr(y)[x] = static_cast<uint8_t>(sigma);

@@ -44,9 +44,9 @@ Camera CameraForVideo(const CaptureInputs& inputs, const VideoReader& video,
     const double fov = inputs.fov_rad != 0 ? inputs.fov_rad : kUsualFovRad;  // until estimated
     return Camera::FromFov(video.width(), video.height(), fov);
   }
-  const Camera camera = ReadCamera(inputs.camera);
+  Camera camera = ReadCamera(inputs.camera);
   if (camera.width == video.width() && camera.height == video.height()) return camera;
-  const Camera scaled = camera.ScaledTo(video.width(), video.height());
+  Camera scaled = camera.ScaledTo(video.width(), video.height());
   warnings->push_back(fmt::format("camera {} is for {}x{} and was scaled to the video's {}x{}",
                                   camera.name, camera.width, camera.height, video.width(),
                                   video.height()));

@@ -36,7 +36,7 @@ template <typename ToFromCamera>
 Eigen::MatrixXd PosesIn(const ToFromCamera& to_from_camera, const Eigen::MatrixXd& poses) {
   Eigen::MatrixXd result(poses.rows(), poses.cols());
   for (Eigen::Index f = 0; f < poses.cols(); ++f) {
-    const auto transform = to_from_camera(f);
+    const auto& transform = to_from_camera(f);
     result.col(f) = TransformPoses(transform.rotation, transform.translation, poses.col(f));
   }
   return result;

@@ -84,8 +84,7 @@ class Stage {
       }
       result.silhouette = silhouette.mask;
       if (silhouette.motion_cue) frame.previous_from_current = silhouette.previous_from_current;
-      const Contour2d contour =
-          IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
+      Contour2d contour = IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
       last_outline_s = ThreadSeconds();
       return contour;
     };

@@ -161,6 +161,7 @@ Json IouJson(const std::vector<double>& iou) {
 template <typename Record, typename Iou>
 Json TrueIouJson(const std::vector<Record>& records, const Iou& iou) {
   std::vector<double> values;
+  values.reserve(records.size());
   for (const Record& record : records) values.push_back(iou(record));
   return IouJson(values);
 }

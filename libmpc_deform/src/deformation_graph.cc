@@ -113,6 +113,7 @@ std::vector<Influence> ClosestInSpace(const Eigen::Vector3f& position,
                                       int count) {
   const float spacing = std::max(radii.mean(), std::numeric_limits<float>::min());
   std::vector<Influence> influences;
+  influences.reserve(static_cast<size_t>(nodes.cols()));
   for (int i = 0; i < nodes.cols(); ++i) {
     influences.push_back({Penalty((nodes.col(i) - position).norm(), spacing), i});
   }

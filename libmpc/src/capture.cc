@@ -7,6 +7,7 @@
 #include <chrono>
 #include <cmath>
 #include <ctime>
+#include <exception>
 #include <optional>
 #include <system_error>
 
@@ -352,6 +353,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     report.outputs.emplace_back(name);
   }
   bool has_surface = false;
+  std::exception_ptr overlay_error;
   if (options_.masks && report.complete) {
     timed("refinement", [&] {
       PosedClip clip = {.video = inputs_.video,
@@ -369,9 +371,10 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
       }
       ClipRefinementOptions options = options_.refinement;
       options.silhouettes.num_threads = num_threads;
-      ClipRefinement refinement =
+      auto [refinement, error] =
           internal::WriteRefinement(output_, report.world, report.fps, clip, options,
                                     options_.overlay ? &detections2d : nullptr, progress);
+      overlay_error = error;
       report.refinement = std::move(refinement.frames);
       report.complete = report.refinement.size() == static_cast<size_t>(report.num_frames);
       if (!report.complete) return;
@@ -389,6 +392,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     internal::AddRefinementWarnings(report.refinement, &report.warnings);
     if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
   }
+  if (overlay_error) std::rethrow_exception(overlay_error);
   // With silhouettes it was drawn while they were found.
   if (options_.overlay && !options_.masks && report.complete) {
     timed("overlay", [&] {

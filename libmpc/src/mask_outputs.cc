@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "mpc/core/error.h"
 #include "mpc/io/mask_file.h"
 #include "mpc/io/pc2.h"
 #include "outputs.h"
@@ -38,15 +39,27 @@ std::vector<SilhouetteRecord> WriteMasks(const MaskOutputs& outputs, double fps,
   return records;
 }
 
-ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldPlacement& world,
-                               double fps, const PosedClip& clip,
-                               const ClipRefinementOptions& options, const Detections2d* detections,
-                               const ProgressCallback& progress) {
+WrittenRefinement WriteRefinement(const std::filesystem::path& output, const WorldPlacement& world,
+                                  double fps, const PosedClip& clip,
+                                  const ClipRefinementOptions& options,
+                                  const Detections2d* detections,
+                                  const ProgressCallback& progress) {
   const int width = clip.camera.width, height = clip.camera.height;
   MaskVideoWriter masks(output / kMasksName, width, height, fps);
+  WrittenRefinement written;
   std::optional<VideoWriter> overlay;
-  if (detections != nullptr)
-    overlay.emplace(output / kOverlayName, width, height, fps, VideoEffort::kLow);
+  const auto try_overlay = [&](const auto& act) {
+    try {
+      act();
+    } catch (const Error&) {
+      written.overlay_error = std::current_exception();
+      overlay.reset();
+    }
+  };
+  if (detections != nullptr) {
+    try_overlay(
+        [&] { overlay.emplace(output / kOverlayName, width, height, fps, VideoEffort::kLow); });
+  }
   std::optional<Pc2Writer> surface;
   if (options.frames.level == RefinementLevel::kSurface) {
     surface.emplace(output / kSurfaceName, static_cast<int>(clip.character.mesh.positions.cols()));
@@ -58,19 +71,20 @@ ClipRefinement WriteRefinement(const std::filesystem::path& output, const WorldP
       frame.picture.copyTo(drawn);
       DrawOverlay({clip.character, clip.camera, *detections}, frame.index, frame.pose,
                   frame.vertices, frame.silhouette, &drawn);
-      overlay->Write(drawn);
+      try_overlay([&] { overlay->Write(drawn); });
     }
     if (!surface) return;
     const Rigid<SceneFrame, CameraFrame> scene_from_camera = world.SceneFromCamera(frame.index);
     surface->Write((scene_from_camera.rotation.cast<float>() * frame.vertices).colwise() +
                    scene_from_camera.translation.cast<float>());
   };
-  ClipRefinement refinement = RefineClip(clip, options, write, progress);
-  if (static_cast<Eigen::Index>(refinement.frames.size()) < clip.poses.cols()) return refinement;
+  written.refinement = RefineClip(clip, options, write, progress);
+  const auto num_refined = static_cast<Eigen::Index>(written.refinement.frames.size());
+  if (num_refined < clip.poses.cols()) return written;
   masks.Close();
   if (surface) surface->Close();
-  if (overlay) overlay->Close();
-  return refinement;
+  if (overlay) try_overlay([&] { overlay->Close(); });
+  return written;
 }
 
 void AddRefinementWarnings(const std::vector<RefinementRecord>& records,

@@ -24,7 +24,6 @@ class BackgroundView {
   static std::optional<BackgroundView> See(const PosedClip& clip, const SilhouetteOptions& options,
                                            const char* stage, const ProgressCallback& progress);
 
-  bool empty() const { return plate_.empty(); }
   // The background in a frame's picture.
   BackgroundPlate At(int frame) const;
 

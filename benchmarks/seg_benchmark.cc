@@ -12,7 +12,7 @@
 #include "mpc/seg/background_motion.h"
 #include "mpc/seg/background_plate.h"
 #include "mpc/seg/contour.h"
-#include "mpc/seg/max_flow.h"
+#include "mpc/seg/grid_flow.h"
 #include "mpc/seg/silhouette.h"
 #include "mpc/seg/trimap.h"
 #include "seg/simulated_masks.h"
@@ -193,10 +193,10 @@ void BuildGrid(int side, const AddTerminals& add_terminals, const AddEdge& add_e
 void MaximumFlow(benchmark::State& state) {
   const int side = static_cast<int>(state.range(0));
   for (auto _ : state) {
-    MaxFlow flow(side * side);
+    GridFlow<4> flow(static_cast<size_t>(side) * static_cast<size_t>(side));
     BuildGrid(
-        side, [&](int n, int s, int t) { flow.AddTerminals(n, s, t); },
-        [&](int a, int b, int c) { flow.AddEdge(a, b, c, c); });
+        side, [&](int, int s, int t) { flow.AddNode(s - t); },
+        [&](int a, int b, int c) { flow.Link(a + 1, b == a + 1 ? 1 : 3, b + 1, c); });
     benchmark::DoNotOptimize(flow.Solve());
   }
 }

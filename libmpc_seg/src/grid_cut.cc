@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstring>
 
-#include "mpc/seg/max_flow.h"
+#include "mpc/seg/grid_flow.h"
 #include "mpc/seg/trimap.h"
+#include "unknown_pixels.h"
 
 namespace mpc {
 namespace {
@@ -95,29 +95,9 @@ class Links {
   std::array<ExpTable, 2> motion_;
 };
 
-// The first unknown pixel of a row at or after x, or `width`.
-int NextUnknown(const uint8_t* trimap, int x, int width) {
-  constexpr uint64_t kUnknownBits = 0x0202020202020202;  // set in the labels of unknown pixels only
-  uint64_t eight = 0;
-  for (; x + 8 <= width; x += 8) {
-    std::memcpy(&eight, trimap + x, sizeof eight);
-    if ((eight & kUnknownBits) != 0) break;
-  }
-  while (x < width && !IsUnknown(trimap[x])) ++x;
-  return x;
-}
-
 int32_t ScaledLogOdds(float log_odds) {
   return cvRound(kScale * std::clamp<double>(log_odds, -kMaxLogOdds, kMaxLogOdds));
 }
-
-struct Pixel {
-  int16_t x;
-  int16_t y;
-  int32_t odds;       // log-odds, with the links to decided neighbours
-  int32_t links = 0;  // sum over neighbours that are not decided
-  bool decided = false;
-};
 
 }  // namespace
 
@@ -161,23 +141,16 @@ cv::Mat SquaredChange(const cv::Mat& a, const cv::Mat& b) {
 
 namespace {
 
-template <size_t degree>
+template <size_t kDegree>
 GridCutResult Solve(const GridCutProblem& problem) {
   const cv::Size size = problem.trimap.size();
   GridCutResult result;
   result.labels = problem.trimap & 1;  // that of known pixels; all others are set below
+  result.num_unknown = cv::countNonZero(problem.trimap >= kTrimapUnknownBackground);
 
-  struct Neighbour {
-    int32_t pixel = -1;  // -1: known or none
-    int32_t link = 0;
-  };
-  std::vector<Pixel> pixels;
-  std::vector<Neighbour> neighbours;  // `degree` per pixel
-  const int num_unknown = cv::countNonZero(problem.trimap >= kTrimapUnknownBackground);
-  pixels.reserve(static_cast<size_t>(num_unknown));
-  neighbours.resize(static_cast<size_t>(num_unknown) * degree);
   // Links of every unknown pixel; those to known pixels are as good as log-odds. A pair of unknown
-  // pixels is linked when the later one is reached; `here` and `above` hold the pixels of two rows.
+  // pixels is linked when the later one is reached; `here` and `above` hold the nodes of two rows.
+  GridFlow<kDegree> flow(static_cast<size_t>(result.num_unknown));
   const Links link_of(problem);
   std::vector<int32_t> here(static_cast<size_t>(size.width)), above(here);
   for (int y = 0; y < size.height; ++y) {
@@ -192,13 +165,9 @@ GridCutResult Solve(const GridCutProblem& problem) {
       rows[static_cast<size_t>(1 + dy)] = link_of.row(y + dy);
       labels[static_cast<size_t>(1 + dy)] = problem.trimap.ptr(y + dy);
     }
-    for (int x = NextUnknown(trimap, 0, size.width); x < size.width;
-         x = NextUnknown(trimap, x + 1, size.width)) {
-      const auto p = static_cast<int32_t>(pixels.size());
-      here[static_cast<size_t>(x)] = p;
-      Pixel& pixel = pixels.emplace_back(
-          Pixel{static_cast<int16_t>(x), static_cast<int16_t>(y), ScaledLogOdds(log_odds[x])});
-      for (size_t d = 0; d < degree; ++d) {
+    ForEachUnknown(trimap, size.width, [&](int x) {
+      const int32_t node = here[static_cast<size_t>(x)] = flow.AddNode(ScaledLogOdds(log_odds[x]));
+      for (size_t d = 0; d < kDegree; ++d) {
         const int qx = x + kDirections[d].dx;
         const auto row = static_cast<size_t>(1 + kDirections[d].dy);
         if (qx < 0 || qx >= size.width || labels[row] == nullptr) continue;
@@ -206,69 +175,21 @@ GridCutResult Solve(const GridCutProblem& problem) {
         const bool later = d % 2 == 1;
         if (IsUnknown(other) && later) continue;
         const int32_t link = link_of(rows[1], x, rows[row], qx, d >= 4);
-        if (!IsUnknown(other)) {
-          pixel.odds += other == kTrimapForeground ? link : -link;
-          continue;
+        if (IsUnknown(other)) {
+          flow.Link(node, d, (row == 1 ? here : above)[static_cast<size_t>(qx)], link);
+        } else {
+          flow.AddSurplus(node, other == kTrimapForeground ? link : -link);
         }
-        const int32_t q = (row == 1 ? here : above)[static_cast<size_t>(qx)];
-        neighbours[static_cast<size_t>(p) * degree + d] = {q, link};
-        neighbours[static_cast<size_t>(q) * degree + (d ^ 1)] = {p, link};
-        pixel.links += link;
-        pixels[static_cast<size_t>(q)].links += link;
       }
-    }
-  }
-  result.num_unknown = num_unknown;
-
-  // Decide pixels that no labels of their neighbours could turn, which may decide those in turn.
-  std::vector<int> pending;
-  const auto decide = [&](int p) {
-    Pixel& pixel = pixels[static_cast<size_t>(p)];
-    if (pixel.decided || std::abs(pixel.odds) <= pixel.links) return;
-    pixel.decided = true;
-    const bool inside = pixel.odds > 0;
-    result.labels.ptr(pixel.y)[pixel.x] = inside;
-    for (size_t d = 0; d < degree; ++d) {
-      const Neighbour& neighbour = neighbours[static_cast<size_t>(p) * degree + d];
-      if (neighbour.pixel < 0 || pixels[static_cast<size_t>(neighbour.pixel)].decided) continue;
-      Pixel& other = pixels[static_cast<size_t>(neighbour.pixel)];
-      other.odds += inside ? neighbour.link : -neighbour.link;
-      other.links -= neighbour.link;
-      if (std::abs(other.odds) > other.links) pending.push_back(neighbour.pixel);
-    }
-  };
-  for (int p = 0; p < num_unknown; ++p) {
-    for (decide(p); !pending.empty();) {
-      const int next = pending.back();
-      pending.pop_back();
-      decide(next);
-    }
+    });
   }
 
-  // The others by maximum flow.
-  std::vector<int> node(pixels.size(), -1);
-  std::vector<int> nodes;
-  for (size_t p = 0; p < pixels.size(); ++p) {
-    if (pixels[p].decided) continue;
-    node[p] = static_cast<int>(nodes.size());
-    nodes.push_back(static_cast<int>(p));
-  }
-  result.num_nodes = static_cast<int>(nodes.size());
-  MaxFlow flow(result.num_nodes);
-  for (int n = 0; n < result.num_nodes; ++n) {
-    const int p = nodes[static_cast<size_t>(n)];
-    const int32_t odds = pixels[static_cast<size_t>(p)].odds;
-    flow.AddTerminals(n, std::max(odds, 0), std::max(-odds, 0));
-    for (size_t d = 1; d < degree; d += 2) {
-      const Neighbour& neighbour = neighbours[static_cast<size_t>(p) * degree + d];
-      if (neighbour.pixel < 0 || node[static_cast<size_t>(neighbour.pixel)] < 0) continue;
-      flow.AddEdge(n, node[static_cast<size_t>(neighbour.pixel)], neighbour.link, neighbour.link);
-    }
-  }
-  flow.Solve();
-  for (int n = 0; n < result.num_nodes; ++n) {
-    const Pixel& pixel = pixels[static_cast<size_t>(nodes[static_cast<size_t>(n)])];
-    result.labels.ptr(pixel.y)[pixel.x] = flow.OnSourceSide(n);
+  result.num_nodes = flow.Solve();
+  int32_t node = 0;
+  for (int y = 0; y < size.height; ++y) {
+    uint8_t* labels = result.labels.ptr(y);
+    ForEachUnknown(problem.trimap.ptr(y), size.width,
+                   [&](int x) { labels[x] = flow.OnSourceSide(++node); });
   }
   return result;
 }

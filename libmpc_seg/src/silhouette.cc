@@ -13,6 +13,7 @@
 #include "mpc/seg/grid_cut.h"
 #include "picture.h"
 #include "shape_odds.h"
+#include "unknown_pixels.h"
 
 namespace mpc {
 namespace {
@@ -376,11 +377,13 @@ class Extraction {
   cv::Mat PicturesCertainty() {
     cv::Mat sure(labels_.size(), CV_8U, cv::Scalar(0));
     for (int y = 0; y < sure.rows; ++y) {
-      for (int x = 0; x < sure.cols; ++x) {
-        if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + colours_(y, x);
-        if ((labels_.ptr(y)[x] ? odds : -odds) > kSureOdds) sure.ptr(y)[x] = 255;
-      }
+      const float *evidence = evidence_[y], *colours = colours_[y];
+      const uint8_t* labels = labels_.ptr(y);
+      uint8_t* out = sure.ptr(y);
+      ForEachUnknown(trimap_.ptr(y), sure.cols, [&](int x) {
+        const float odds = evidence[x] + colours[x];
+        if ((labels[x] ? odds : -odds) > kSureOdds) out[x] = 255;
+      });
     }
     return sure;
   }
@@ -389,10 +392,11 @@ class Extraction {
   void ReadColours() {
     colours_.create(small().size());
     for (int y = 0; y < colours_.rows; ++y) {
-      for (int x = 0; x < colours_.cols; ++x) {
-        if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        colours_(y, x) = ColoursOdds(small().ptr<cv::Vec3b>(y)[x], 0, {x, y});
-      }
+      const auto* bgr = small().ptr<cv::Vec3b>(y);
+      float* colours = colours_[y];
+      ForEachUnknown(trimap_.ptr(y), colours_.cols, [&](int x) {
+        colours[x] = ColoursOdds(bgr[x], 0, {x, y});
+      });
     }
   }
 
@@ -400,17 +404,14 @@ class Extraction {
   void SetLogOdds(int shift, const cv::Point& at, GridCutProblem* problem) {
     for (int y = 0; y < problem->bgr.rows; ++y) {
       const auto* bgr = problem->bgr.ptr<cv::Vec3b>(y);
-      const uint8_t* trimap = problem->trimap.ptr(y);
-      const float* shape = shape_[(y + at.y) >> shift];
-      const float* evidence = evidence_[(y + at.y) >> shift];
+      const int row = (y + at.y) >> shift;
+      const float *shape = shape_[row], *evidence = evidence_[row], *colours = colours_[row];
       float* odds = problem->log_odds.ptr<float>(y);
-      for (int x = 0; x < problem->bgr.cols; ++x) {
-        if (!IsUnknown(trimap[x])) continue;
+      ForEachUnknown(problem->trimap.ptr(y), problem->bgr.cols, [&](int x) {
         const int i = (x + at.x) >> shift;
-        const float colours =
-            shift == 0 ? colours_(y + at.y, i) : ColoursOdds(bgr[x], shift, {x + at.x, y + at.y});
-        odds[x] = shape[i] + evidence[i] + colours;
-      }
+        odds[x] = shape[i] + evidence[i] +
+                  (shift == 0 ? colours[i] : ColoursOdds(bgr[x], shift, {x + at.x, y + at.y}));
+      });
     }
   }
 
@@ -433,12 +434,13 @@ class Extraction {
     double agreement = 0;
     int num_unknown = 0;
     for (int y = 0; y < trimap_.rows; ++y) {
-      for (int x = 0; x < trimap_.cols; ++x) {
-        if (!IsUnknown(trimap_.ptr(y)[x])) continue;
-        const float odds = evidence_(y, x) + colours_(y, x);
-        agreement += std::clamp(labels_.ptr(y)[x] ? odds : -odds, 0.F, 3.F) / 3;
+      const float *evidence = evidence_[y], *colours = colours_[y];
+      const uint8_t* labels = labels_.ptr(y);
+      ForEachUnknown(trimap_.ptr(y), trimap_.cols, [&](int x) {
+        const float odds = evidence[x] + colours[x];
+        agreement += std::clamp(labels[x] ? odds : -odds, 0.F, 3.F) / 3;
         ++num_unknown;
-      }
+      });
     }
     result_.confidence = num_unknown > 0 ? agreement / num_unknown : 0;
   }

@@ -14,7 +14,7 @@
 
 #include "mpc/seg/colour_model.h"
 #include "mpc/seg/grid_cut.h"
-#include "mpc/seg/max_flow.h"
+#include "mpc/seg/grid_flow.h"
 #include "mpc/seg/silhouette.h"
 #include "mpc/seg/trimap.h"
 #include "simulated_masks.h"
@@ -181,8 +181,33 @@ TEST(Davis, GrossErrorsAndSimilarColours) {
   ExpectNotBelowGrabCut(Evaluate("gross, similar", LoadClip(false, true), gross), 0.01);
 }
 
+// With terminals exchanged for a sign of -1.
+template <size_t kDegree>
+std::vector<bool> SourceSide(const mpc::testing::WholeGraph& graph, int sign) {
+  GridFlow<kDegree> flow(graph.pixels.size());
+  for (const int odds : graph.log_odds) flow.AddNode(sign * odds);
+  for (const auto& e : graph.edges) flow.Link(e.a + 1, e.direction, e.b + 1, e.capacity);
+  flow.Solve();
+  std::vector<bool> side;
+  for (size_t n = 1; n <= graph.pixels.size(); ++n) {
+    side.push_back(flow.OnSourceSide(static_cast<int32_t>(n)));
+  }
+  return side;
+}
+
+int64_t CutValue(const mpc::testing::WholeGraph& graph, const std::vector<bool>& source_side) {
+  int64_t value = 0;
+  for (size_t n = 0; n < graph.pixels.size(); ++n) {
+    value += std::max(0, source_side[n] ? -graph.log_odds[n] : graph.log_odds[n]);
+  }
+  for (const auto& e : graph.edges) {
+    if (source_side[e.a] != source_side[e.b]) value += e.capacity;
+  }
+  return value;
+}
+
 // The graphs of 25 frames, with 4 and 8 neighbours, no pixel decided before.
-TEST(Davis, MaxFlowEqualsOpenCvOnRealGraphs) {
+TEST(Davis, GridFlowEqualsOpenCvOnRealGraphs) {
   MPC_REQUIRE_DATA();
   const std::filesystem::path dir = *mpc::testing::DataDir() / "video" / "breakdance";
   const auto colours_where = [](const cv::Mat& picture, const cv::Mat& mask) {
@@ -227,31 +252,28 @@ TEST(Davis, MaxFlowEqualsOpenCvOnRealGraphs) {
       problem.beta = ContrastBeta(picture, eight);
       const mpc::testing::WholeGraph graph = mpc::testing::BuildWholeGraph(problem);
       const int n = static_cast<int>(graph.pixels.size());
-      MaxFlow ours(n), reverse(n);
       cv::detail::GCGraph<int> theirs(static_cast<unsigned>(n),
                                       static_cast<unsigned>(2 * graph.edges.size()));
       for (int p = 0; p < n; ++p) {
         const int source = std::max(graph.log_odds[p], 0), sink = std::max(-graph.log_odds[p], 0);
-        ours.AddTerminals(p, source, sink);
-        reverse.AddTerminals(p, sink, source);
         theirs.addTermWeights(theirs.addVtx(), source, sink);
       }
       for (const auto& e : graph.edges) {
-        ours.AddEdge(e.a, e.b, e.capacity, e.capacity);
-        reverse.AddEdge(e.a, e.b, e.capacity, e.capacity);
         theirs.addEdges(e.a, e.b, e.capacity, e.capacity);
       }
-      EXPECT_EQ(ours.Solve(), theirs.maxFlow()) << i;
-      reverse.Solve();
+      const int64_t value = theirs.maxFlow();
+      const std::vector<bool> ours = eight ? SourceSide<8>(graph, 1) : SourceSide<4>(graph, 1);
+      const std::vector<bool> reverse = eight ? SourceSide<8>(graph, -1) : SourceSide<4>(graph, -1);
       int num_different = 0, num_ambiguous = 0;
       cv::Mat whole = (problem.trimap == kTrimapForeground) / 255;
       for (int p = 0; p < n; ++p) {
-        const bool side = ours.OnSourceSide(p);
+        const bool side = ours[p];
         whole.at<uint8_t>(graph.pixels[p]) = side;
-        const bool ambiguous = side == reverse.OnSourceSide(p);
+        const bool ambiguous = side == reverse[p];
         num_ambiguous += ambiguous;
         num_different += !ambiguous && side != theirs.inSourceSegment(p);
       }
+      EXPECT_EQ(CutValue(graph, ours), value) << i;
       EXPECT_EQ(num_different, 0) << i;
       num_unique += num_ambiguous == 0;
       // The twin may round a link the other way.

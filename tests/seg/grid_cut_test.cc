@@ -5,9 +5,9 @@
 #include <cmath>
 #include <limits>
 #include <opencv2/imgproc.hpp>
+#include <opencv2/imgproc/detail/gcgraph.hpp>
 #include <random>
 
-#include "mpc/seg/max_flow.h"
 #include "mpc/seg/trimap.h"
 #include "whole_graph.h"
 
@@ -140,16 +140,16 @@ TEST(GridCut, DecidedPixelsAreThoseOfTheWholeGraph) {
     EXPECT_LT(result.num_nodes, result.num_unknown);
 
     const mpc::testing::WholeGraph graph = mpc::testing::BuildWholeGraph(problem);
-    MaxFlow flow(static_cast<int>(graph.pixels.size()));
-    for (size_t n = 0; n < graph.pixels.size(); ++n) {
-      flow.AddTerminals(static_cast<int>(n), std::max(graph.log_odds[n], 0),
-                        std::max(-graph.log_odds[n], 0));
+    cv::detail::GCGraph<int> flow(static_cast<unsigned>(graph.pixels.size()),
+                                  static_cast<unsigned>(2 * graph.edges.size()));
+    for (const int odds : graph.log_odds) {
+      flow.addTermWeights(flow.addVtx(), std::max(odds, 0), std::max(-odds, 0));
     }
-    for (const auto& e : graph.edges) flow.AddEdge(e.a, e.b, e.capacity, e.capacity);
-    flow.Solve();
+    for (const auto& e : graph.edges) flow.addEdges(e.a, e.b, e.capacity, e.capacity);
+    flow.maxFlow();
     cv::Mat whole = result.labels.clone();
     for (size_t n = 0; n < graph.pixels.size(); ++n) {
-      whole.at<uint8_t>(graph.pixels[n]) = flow.OnSourceSide(static_cast<int>(n));
+      whole.at<uint8_t>(graph.pixels[n]) = flow.inSourceSegment(static_cast<int>(n));
     }
     EXPECT_EQ(GridCutEnergy(problem, whole), GridCutEnergy(problem, result.labels)) << seed;
   }

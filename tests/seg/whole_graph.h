@@ -15,13 +15,20 @@ namespace mpc::testing {
 struct WholeGraph {
   struct Edge {
     int a;
-    int b;
+    int b;             // the later one
+    size_t direction;  // of GridFlow, in which b lies
     int capacity;
   };
   std::vector<cv::Point> pixels;  // of the nodes
   std::vector<int> log_odds;      // terminal: source when positive
   std::vector<Edge> edges;
 };
+
+// Of a pixel that comes later, row by row.
+inline size_t DirectionOf(const cv::Point& offset) {
+  if (offset.y == 0) return 1;
+  return offset.x == 0 ? 3 : offset.x > 0 ? 5 : 7;
+}
 
 inline WholeGraph BuildWholeGraph(const GridCutProblem& problem) {
   const auto link = [&](const cv::Point& p, const cv::Point& q) {
@@ -58,7 +65,7 @@ inline WholeGraph BuildWholeGraph(const GridCutProblem& problem) {
         const cv::Point q = p + cv::Point(dx, dy);
         if (q == p || !cv::Rect({}, size).contains(q)) continue;
         if (!problem.eight_connected && dx != 0 && dy != 0) continue;
-        if (index(q) > n) graph.edges.push_back({n, index(q), link(p, q)});
+        if (index(q) > n) graph.edges.push_back({n, index(q), DirectionOf({dx, dy}), link(p, q)});
         if (index(q) >= 0) continue;
         const bool inside = problem.trimap.at<uint8_t>(q) == kTrimapForeground;
         graph.log_odds[n] += inside ? link(p, q) : -link(p, q);

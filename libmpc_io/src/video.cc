@@ -227,7 +227,7 @@ VideoWriter::VideoWriter(const fs::path& path, int width, int height, double fps
   const cv::Size even_size((width + 1) / 2 * 2, (height + 1) / 2 * 2);
   try {
     impl_->encoder.emplace(impl_->file.temporary().string(), even_size.width, even_size.height, fps,
-                           effort == VideoEffort::kLow ? "ultrafast" : "superfast");
+                           effort == VideoEffort::kLow);
   } catch (const std::runtime_error& e) {
     throw Error(ErrorCode::kUnsupported,
                 fmt::format("{}: no H.264 of {} x {} at {} frames per second: {}", path.string(),

@@ -132,7 +132,9 @@ void H264Encoder::Write(const cv::Mat& picture) {
 
 void H264Encoder::Finish() {
   impl_->Encode(nullptr);
-  Check(av_write_trailer(impl_->format.get()));
+  AVFormatContext* format = impl_->format.get();
+  Check(av_write_trailer(format));  // fails where any write before did
+  Check(avio_closep(&format->pb));
 }
 
 }  // namespace mpc

@@ -19,7 +19,7 @@ class H264Encoder {
   // CV_8UC3, or CV_8UC1 for a grey picture.
   void Write(const cv::Mat& picture);
 
-  // Writes what the encoder still holds and the file's index. Does not report a full disk.
+  // Writes what the encoder still holds and the file's index, and closes it.
   void Finish();
 
  private:

@@ -47,7 +47,7 @@ class VideoReader {
 };
 
 enum class VideoEffort {
-  kLow,  // files a third larger, made in two thirds of the time
+  kLow,  // files a third larger, of a restless picture three times, made in half of the time
   kUsual,
 };
 

@@ -9,10 +9,21 @@
 #include "clip_reader.h"
 #include "silhouette_maker.h"
 
-namespace mpc::internal {
+namespace mpc {
+
+std::vector<int> BackgroundFrames(int num_frames) {
+  constexpr int64_t kMostFrames = 24;
+  const auto count = std::min<int64_t>(num_frames, kMostFrames);
+  std::vector<int> frames;
+  for (int64_t i = 0; i < count; ++i) {
+    frames.push_back(static_cast<int>((i * num_frames + count - 1) / count));
+  }
+  return frames;
+}
+
+namespace internal {
 namespace {
 
-constexpr int kMaxPlateSamples = 24;
 constexpr double kMaxPlateSides = 2;  // of the picture's
 constexpr double kMinDepth = 0.3;     // cosine of the most that a ray turns to the plate
 
@@ -79,25 +90,31 @@ std::optional<BackgroundView> BackgroundView::See(const PosedClip& clip,
                                                   const char* stage,
                                                   const ProgressCallback& progress) {
   BackgroundView view;
+  std::vector<cv::Mat> kept;
+  if (clip.background != nullptr) kept.swap(*clip.background);
   if (!clip.masks.empty() || options.segmentation.weight_plate == 0) return view;
-  VideoReader video = OpenVideo(clip);
   const SurfaceTopology topology = SurfaceTopology::FromMesh(clip.character.mesh);
   const auto num_frames = static_cast<int>(clip.poses.cols());
   const bool turns = static_cast<int>(clip.camera_motion.size()) == num_frames && num_frames > 0;
   TurningPlate place;
   if (turns) place = PlaceTurningPlate(clip.camera, clip.camera_motion);
-  const int num_samples = std::min(num_frames, kMaxPlateSamples);
+  const std::vector<int> frames = BackgroundFrames(num_frames);
+  std::optional<VideoReader> video;
+  if (kept.size() != frames.size()) video = OpenVideo(clip);
   std::vector<PlateSample> samples;
-  cv::Mat picture;
-  for (int f = 0, num_looked = 0; num_looked < num_samples; ++f) {
-    // Evenly over the clip.
-    const bool wanted = f * num_samples / num_frames >= num_looked;
-    if (!(wanted ? video.Read(&picture) : video.Skip())) break;
-    if (!wanted) continue;
-    ++num_looked;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const int f = frames[i];
+    cv::Mat picture;
+    if (video) {
+      while (video->frame_index() < f - 1 && video->Skip()) {
+      }
+      if (!video->Read(&picture)) break;
+    } else {
+      picture = std::move(kept[i]);
+    }
     if (progress && !progress({stage, 0, num_frames})) return std::nullopt;
     if (turns && !place.plate_from_picture[static_cast<size_t>(f)]) continue;
-    samples.push_back({picture.clone(),
+    samples.push_back({std::move(picture),
                        PosedModelMask(clip.character, clip.camera, topology, clip.poses.col(f))});
     if (turns) {
       samples.back().plate_from_picture = place.plate_from_picture[static_cast<size_t>(f)];
@@ -116,4 +133,5 @@ BackgroundPlate BackgroundView::At(int frame) const {
   return place ? ViewOfPlate(plate_, *place, picture_size_) : BackgroundPlate();
 }
 
-}  // namespace mpc::internal
+}  // namespace internal
+}  // namespace mpc

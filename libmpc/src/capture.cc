@@ -95,19 +95,33 @@ void CheckFrameCount(const fs::path& file, size_t num_in_file, const fs::path& o
                                                 num_in_file, other.string(), num_frames));
 }
 
-// The video's true number of frames: decodes all of them, so that a broken or variable-rate video
-// is found before any long work.
-int CountFrames(const CaptureInputs& inputs, const ProgressCallback& progress) {
+// What the first reading of the video tells.
+struct FirstReading {
+  int num_frames = 0;               // their true number
+  std::vector<cv::Mat> background;  // of BackgroundFrames; none if the file says another number
+};
+
+// Decodes all frames, so that a broken or variable-rate video is found before any long work.
+FirstReading ReadVideo(const CaptureInputs& inputs, bool keep_background,
+                       const ProgressCallback& progress) {
   VideoReader video(inputs.video, inputs.image_fps);
-  int num_frames = 0;
-  while (video.Skip()) {
-    ++num_frames;
-    const int expected = std::max(video.num_frames(), num_frames);
-    if (progress && !progress({"video", num_frames, expected})) {
+  std::vector<int> wanted;
+  if (keep_background) wanted = BackgroundFrames(video.num_frames());
+  FirstReading reading;
+  for (;;) {
+    const size_t num_kept = reading.background.size();
+    const bool keep = num_kept < wanted.size() && wanted[num_kept] == reading.num_frames;
+    cv::Mat picture;
+    if (!(keep ? video.Read(&picture) : video.Skip())) break;
+    if (keep) reading.background.push_back(picture);
+    ++reading.num_frames;
+    const int expected = std::max(video.num_frames(), reading.num_frames);
+    if (progress && !progress({"video", reading.num_frames, expected})) {
       throw Error(ErrorCode::kCancelled, "stopped while the video was read: nothing was written");
     }
   }
-  return num_frames;
+  if (reading.num_frames != video.num_frames()) reading.background.clear();
+  return reading;
 }
 
 // What is known of the focal length without looking at the pictures.
@@ -261,8 +275,11 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     report.timings.push_back({stage, elapsed.count(), core_elapsed});
   };
 
+  std::vector<cv::Mat> background;
   timed("video", [&] {
-    report.num_frames = CountFrames(inputs_, progress);
+    FirstReading reading = ReadVideo(inputs_, options_.masks && inputs_.masks.empty(), progress);
+    report.num_frames = reading.num_frames;
+    background = std::move(reading.background);
     const auto check = [&](const fs::path& path, size_t count) {
       if (!path.empty()) CheckFrameCount(path, count, inputs_.video, report.num_frames);
     };
@@ -364,7 +381,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                         .masks = inputs_.masks,
                         .true_masks = inputs_.true_masks,
                         .error_2d_mm = report.track.error_2d_mm,
-                        .camera_motion = loaded_->camera_motion};
+                        .camera_motion = loaded_->camera_motion,
+                        .background = &background};
       if (options_.person_masks) {
         clip.person_masks = person_masks;
         clip.person_gap = person_gap;

@@ -6,6 +6,7 @@
 extern "C" {
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
+#include <libavutil/imgutils.h>
 #include <libavutil/opt.h>
 }
 
@@ -39,15 +40,19 @@ T* CheckMade(T* made) {
   return made;
 }
 
+// Planes that follow one another, as OpenCV has them.
+void MakePlanes(AVFrame* frame) {
+  const cv::Size size(frame->width, frame->height);
+  av_buffer_unref(&frame->buf[0]);
+  frame->buf[0] = CheckMade(av_buffer_alloc(static_cast<size_t>(size.area()) * 3 / 2));
+  Check(av_image_fill_arrays(frame->data, frame->linesize, frame->buf[0]->data, AV_PIX_FMT_YUV420P,
+                             size.width, size.height, 1));
+}
+
 AVFormatContext* MakeFormat(const std::string& path) {
   AVFormatContext* format = nullptr;
   Check(avformat_alloc_output_context2(&format, nullptr, "mp4", path.c_str()));
   return format;
-}
-
-// A plane of a frame as a picture.
-cv::Mat Plane(AVFrame* frame, int plane, const cv::Size& size) {
-  return {size, CV_8U, frame->data[plane], static_cast<size_t>(frame->linesize[plane])};
 }
 
 }  // namespace
@@ -58,7 +63,6 @@ struct H264Encoder::Impl {
   std::unique_ptr<AVFrame, Free> frame;
   std::unique_ptr<AVPacket, Free> packet;
   AVStream* stream = nullptr;  // the format's
-  cv::Mat i420;
 
   void Encode(AVFrame* next) {
     Check(avcodec_send_frame(codec.get(), next));
@@ -74,8 +78,7 @@ struct H264Encoder::Impl {
   }
 };
 
-H264Encoder::H264Encoder(const std::string& path, int width, int height, double fps,
-                         const char* preset)
+H264Encoder::H264Encoder(const std::string& path, int width, int height, double fps, bool fast)
     : impl_(new Impl) {
   impl_->format.reset(MakeFormat(path));
   AVFormatContext* format = impl_->format.get();
@@ -90,8 +93,8 @@ H264Encoder::H264Encoder(const std::string& path, int width, int height, double 
   codec->time_base = av_inv_q(codec->framerate);
   codec->max_b_frames = 0;
   codec->flags |= format->oformat->flags & AVFMT_GLOBALHEADER ? AV_CODEC_FLAG_GLOBAL_HEADER : 0;
-  Check(av_opt_set(codec->priv_data, "preset", preset, 0));
-  Check(av_opt_set(codec->priv_data, "crf", "23", 0));
+  Check(av_opt_set(codec->priv_data, "preset", fast ? "ultrafast" : "superfast", 0));
+  Check(av_opt_set(codec->priv_data, fast ? "qp" : "crf", "23", 0));
   Check(avcodec_open2(codec, x264, nullptr));
 
   impl_->stream = CheckMade(avformat_new_stream(format, nullptr));
@@ -108,27 +111,20 @@ H264Encoder::H264Encoder(const std::string& path, int width, int height, double 
   frame->width = width;
   frame->height = height;
   frame->pts = -1;
-  Check(av_frame_get_buffer(frame, 0));
 }
 
 H264Encoder::~H264Encoder() = default;
 
 void H264Encoder::Write(const cv::Mat& picture) {
   AVFrame* frame = impl_->frame.get();
-  Check(av_frame_make_writable(frame));
-  const cv::Size size = picture.size(), half(size.width / 2, size.height / 2);
-  cv::Mat planes[3] = {Plane(frame, 0, size), Plane(frame, 1, half), Plane(frame, 2, half)};
+  if (av_frame_is_writable(frame) == 0) MakePlanes(frame);
+  cv::Mat i420(frame->height * 3 / 2, frame->width, CV_8U, frame->data[0]);
   if (picture.channels() == 1) {
-    picture.convertTo(planes[0], CV_8U, 219.0 / 255, 16);
-    planes[1].setTo(128);
-    planes[2].setTo(128);
+    cv::Mat luma = i420.rowRange(0, frame->height);
+    picture.convertTo(luma, CV_8U, 219.0 / 255, 16);
+    i420.rowRange(frame->height, i420.rows).setTo(128);
   } else {
-    cv::cvtColor(picture, impl_->i420, cv::COLOR_BGR2YUV_I420);
-    const uchar* from = impl_->i420.data;
-    for (cv::Mat& plane : planes) {
-      cv::Mat(plane.size(), CV_8U, const_cast<uchar*>(from)).copyTo(plane);
-      from += plane.total();
-    }
+    cv::cvtColor(picture, i420, cv::COLOR_BGR2YUV_I420);
   }
   ++frame->pts;
   impl_->Encode(frame);
@@ -136,7 +132,9 @@ void H264Encoder::Write(const cv::Mat& picture) {
 
 void H264Encoder::Finish() {
   impl_->Encode(nullptr);
-  Check(av_write_trailer(impl_->format.get()));
+  AVFormatContext* format = impl_->format.get();
+  Check(av_write_trailer(format));  // fails where any write before did
+  Check(avio_closep(&format->pb));
 }
 
 }  // namespace mpc

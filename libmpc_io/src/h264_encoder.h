@@ -10,14 +10,16 @@ namespace mpc {
 
 class H264Encoder {
  public:
-  // Even sides; preset: one of x264. Every fault is a thrown std::runtime_error with FFmpeg's words.
-  H264Encoder(const std::string& path, int width, int height, double fps, const char* preset);
+  // Even sides; fast: the preset in which x264 decides least, every macroblock as coarse as the other,
+  // so that it does not look at a frame before it encodes it. Every fault is a thrown
+  // std::runtime_error with FFmpeg's words.
+  H264Encoder(const std::string& path, int width, int height, double fps, bool fast);
   ~H264Encoder();
 
   // CV_8UC3, or CV_8UC1 for a grey picture.
   void Write(const cv::Mat& picture);
 
-  // Writes what the encoder still holds and the file's index. Does not report a full disk.
+  // Writes what the encoder still holds and the file's index, and closes it.
   void Finish();
 
  private:

@@ -21,7 +21,7 @@ constexpr double kSurfaceRadius_m = 0.15;
 constexpr double kProbe_px = 2;
 // Around the model, so that the border of the crop is never taken for the picture's.
 constexpr int kCropMargin_px = 4;
-constexpr int kTile_px = 8;
+constexpr int kTile_px = 4;
 const double kNear_m = RasterOptions().near_m;
 
 cv::Point Nearest(const Eigen::Vector2d& pixel) { return {cvRound(pixel.x()), cvRound(pixel.y())}; }
@@ -201,11 +201,12 @@ void DrawDepthAt(const Outline& outline, const SurfaceTopology& topology,
   buffers->triangle_id.create(size, CV_32S);
   cv::Mat& depth = buffers->depth;
   const auto for_wanted = [&](const auto& visit) {
-    for (int y = 0; y < size.height; ++y) {
-      for (int x = 0; x < size.width; x += kTile_px) {
-        if (wanted[static_cast<size_t>(y / kTile_px * tiles.width + x / kTile_px)] == 0) continue;
-        visit(depth.ptr<float>(y) + x, std::min(kTile_px, size.width - x));
-      }
+    for (size_t tile = 0; tile < wanted.size(); ++tile) {
+      if (wanted[tile] == 0) continue;
+      const int i = static_cast<int>(tile);
+      const cv::Point corner(i % tiles.width * kTile_px, i / tiles.width * kTile_px);
+      const cv::Rect area = cv::Rect(corner, cv::Size(kTile_px, kTile_px)) & cv::Rect({}, size);
+      for (int y = area.y; y < area.br().y; ++y) visit(depth.ptr<float>(y) + area.x, area.width);
     }
   };
   for_wanted([](float* values, int count) { std::fill_n(values, count, 0.F); });

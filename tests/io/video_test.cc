@@ -214,33 +214,49 @@ TEST(VideoTest, WritingReportsFailures) {
   EXPECT_EQ(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()), 0);
 }
 
-// In a child process that may write 20 kB per file.
-TEST(VideoTest, AFullDiskIsReportedByClose) {
-  const testing::TempDir dir;
+// 30 frames of noise.
+void WriteNoise(const fs::path& path) {
+  VideoWriter writer(path, 320, 240, 25, VideoEffort::kLow);
+  cv::RNG rng(1);
+  cv::Mat noise(240, 320, CV_8UC3);
+  for (int f = 0; f < 30; ++f) {
+    rng.fill(noise, cv::RNG::UNIFORM, 0, 255);
+    writer.Write(noise);
+  }
+  writer.Close();
+}
+
+// In a child process that may write so many bytes per file.
+int WriteNoiseWithin(size_t bytes, const fs::path& path) {
   const pid_t child = ::fork();
   if (child == 0) {
     std::signal(SIGXFSZ, SIG_IGN);
-    const rlimit limit = {20000, 20000};
+    const rlimit limit = {bytes, bytes};
     ::setrlimit(RLIMIT_FSIZE, &limit);
-    int code = 1;
+    int code = 0;
     try {
-      VideoWriter writer(dir / "a.mp4", 320, 240, 25);
-      cv::Mat noise(240, 320, CV_8UC3);
-      for (int f = 0; f < 30; ++f) {
-        cv::randu(noise, 0, 255);
-        writer.Write(noise);
-      }
-      writer.Close();
+      WriteNoise(path);
     } catch (const Error& error) {
-      code = error.code() == ErrorCode::kWriteFailed ? 0 : 2;
+      code = error.code() == ErrorCode::kWriteFailed ? 1 : 2;
     }
     ::_exit(code);
   }
   int status = 0;
-  ASSERT_EQ(::waitpid(child, &status, 0), child);
+  EXPECT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_TRUE(WIFEXITED(status));
-  EXPECT_EQ(WEXITSTATUS(status), 0);
-  EXPECT_FALSE(fs::exists(dir / "a.mp4"));
+  return WEXITSTATUS(status);
+}
+
+TEST(VideoTest, AFullDiskIsReported) {
+  const testing::TempDir dir;
+  WriteNoise(dir / "whole.mp4");
+  const size_t size = fs::file_size(dir / "whole.mp4");
+  for (const size_t bytes : {size_t{20000}, size / 2, size - 3000, size - 1}) {
+    EXPECT_EQ(WriteNoiseWithin(bytes, dir / "a.mp4"), 1) << bytes << " of " << size;
+    EXPECT_FALSE(fs::exists(dir / "a.mp4"));
+  }
+  EXPECT_EQ(WriteNoiseWithin(size, dir / "a.mp4"), 0);
+  EXPECT_TRUE(fs::exists(dir / "a.mp4"));
 }
 
 }  // namespace

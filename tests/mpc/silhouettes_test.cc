@@ -140,6 +140,51 @@ TEST_F(SilhouettesTest, SeeTheBackgroundWhereTheActorHasBeen) {
   EXPECT_TRUE(see(walk.clip(), SilhouetteOptions::Paper())->empty());
 }
 
+TEST(BackgroundFramesTest, LieEvenlyOverTheClip) {
+  EXPECT_TRUE(BackgroundFrames(-1).empty());
+  EXPECT_TRUE(BackgroundFrames(0).empty());
+  EXPECT_EQ(BackgroundFrames(3), (std::vector<int>{0, 1, 2}));
+  for (const int num_frames : {1, 24, 25, 100, 101, 200000000}) {
+    const std::vector<int> frames = BackgroundFrames(num_frames);
+    ASSERT_EQ(frames.size(), std::min(num_frames, 24));
+    EXPECT_EQ(frames.front(), 0);
+    for (size_t i = 0; i < frames.size(); ++i) {
+      const double even = static_cast<double>(i) * num_frames / static_cast<double>(frames.size());
+      EXPECT_GE(frames[i], even);
+      EXPECT_LT(frames[i], even + 1);
+    }
+  }
+}
+
+TEST_F(SilhouettesTest, SeeTheSameBackgroundInPicturesThatWereKept) {
+  const DrawnClip walk(30, 0.25);
+  PosedClip clip = walk.clip();
+  const auto see = [&] {
+    const auto view = internal::BackgroundView::See(clip, {}, "silhouettes", {});
+    return view ? view->At(0) : BackgroundPlate();
+  };
+  const BackgroundPlate read = see();
+  std::vector<cv::Mat> kept;
+  VideoReader video(walk.video);
+  for (const int f : BackgroundFrames(30)) {
+    cv::Mat picture;
+    while (video.frame_index() < f) ASSERT_TRUE(video.Read(&picture));
+    kept.push_back(picture);
+  }
+  const std::vector<cv::Mat> all = kept;
+  clip.background = &kept;
+  const BackgroundPlate twin = see();
+  EXPECT_TRUE(kept.empty());
+  EXPECT_TRUE(Same(twin.picture.reshape(1), read.picture.reshape(1)));
+  EXPECT_TRUE(Same(twin.spread, read.spread));
+
+  // They are looked at, and not for another clip.
+  kept.assign(24, all[0]);
+  EXPECT_FALSE(Same(see().spread, read.spread));
+  kept.assign(23, all[0]);
+  EXPECT_TRUE(Same(see().spread, read.spread));
+}
+
 // A camera that turns by known angles before a wall with a picture on it, and an actor who stays in view.
 TEST_F(SilhouettesTest, SeeTheBackgroundOfACameraThatTurns) {
   const Camera& camera = clip_->camera;

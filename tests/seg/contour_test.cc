@@ -109,6 +109,45 @@ TEST(Contour, ThinAndSmallPiecesStay) {
   }
 }
 
+// A few rectangles of pixels that count as inside.
+cv::Mat RandomMask(cv::RNG* rng) {
+  cv::Mat mask = cv::Mat::zeros(rng->uniform(1, 60), rng->uniform(1, 60), CV_8U);
+  for (int i = rng->uniform(0, 4); i > 0; --i) {
+    const cv::Point corner(rng->uniform(0, mask.cols), rng->uniform(0, mask.rows));
+    const cv::Size size(rng->uniform(1, 20), rng->uniform(1, 20));
+    mask(cv::Rect(corner, size) & cv::Rect({}, mask.size())).setTo(rng->uniform(1, 256));
+  }
+  return mask;
+}
+
+TEST(Contour, OnePointPerPairOfNeighbours) {
+  cv::RNG rng(7);
+  for (int trial = 0; trial < 500; ++trial) {
+    const cv::Mat mask = RandomMask(&rng);
+    const cv::Mat inside = mask != 0;
+    int num_pairs = 0;
+    for (int y = 0; y < mask.rows; ++y) {
+      for (int x = 0; x < mask.cols; ++x) {
+        const uint8_t here = inside.at<uint8_t>(y, x);
+        num_pairs += x + 1 < mask.cols && inside.at<uint8_t>(y, x + 1) != here;
+        num_pairs += y + 1 < mask.rows && inside.at<uint8_t>(y + 1, x) != here;
+      }
+    }
+    ASSERT_EQ(ExtractContour(mask).points.cols(), num_pairs) << mask;
+  }
+}
+
+TEST(Contour, MaskBoundsAreOpenCvs) {
+  cv::RNG rng(3);
+  for (int trial = 0; trial < 500; ++trial) {
+    const cv::Mat mask = RandomMask(&rng);
+    const cv::Rect part(0, 0, (mask.cols + 1) / 2, (mask.rows + 1) / 2);
+    ASSERT_EQ(MaskBounds(mask), cv::boundingRect(mask)) << mask;
+    ASSERT_EQ(MaskBounds(mask(part)), cv::boundingRect(mask(part))) << mask(part);
+  }
+  EXPECT_MPC_ERROR(MaskBounds(cv::Mat()), kInvalidArgument, "mask");
+}
+
 TEST(Contour, EmptyAndTinyMasks) {
   EXPECT_EQ(ExtractContour(cv::Mat::zeros(20, 20, CV_8U)).points.cols(), 0);
   EXPECT_EQ(ExtractContour(cv::Mat::ones(1, 1, CV_8U)).points.cols(), 0);

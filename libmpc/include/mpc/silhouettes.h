@@ -32,6 +32,9 @@ struct SilhouetteOptions {
   void Validate() const;
 };
 
+// The frames whose pictures show what is behind the actor: evenly over the clip, all of a short one.
+std::vector<int> BackgroundFrames(int num_frames);
+
 // A clip with its posed actor; what is referred to must outlive the call.
 struct PosedClip {
   std::filesystem::path video;
@@ -50,6 +53,9 @@ struct PosedClip {
   double error_2d_mm = 20;
   // Where a moving camera was in every frame; empty: it rests, or nobody knows.
   std::span<const CameraFromWorld> camera_motion = {};
+  // Pictures of BackgroundFrames(F), kept when the video was read before; they are taken out of here.
+  // Null, or not as many: the video is read for them.
+  std::vector<cv::Mat>* background = nullptr;
 };
 
 // What is known of one frame's silhouette.

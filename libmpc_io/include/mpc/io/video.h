@@ -47,7 +47,7 @@ class VideoReader {
 };
 
 enum class VideoEffort {
-  kLow,  // files a third larger, made in two thirds of the time
+  kLow,  // files a third larger, of a restless picture three times, made in half of the time
   kUsual,
 };
 
@@ -66,8 +66,7 @@ class VideoWriter {
   // Throws Error: kInvalidArgument for another size or type than 8-bit BGR or grey, kWriteFailed.
   void Write(const cv::Mat& picture);
 
-  // Finishes the file, reads it again to make sure that every frame is there (encoders do not
-  // report a full disk) and moves it to its place. Throws Error (kWriteFailed).
+  // Finishes the file and moves it to its place. Throws Error (kWriteFailed).
   void Close();
 
  private:

@@ -6,7 +6,7 @@
 
 #include "mpc/core/thread_pool.h"
 #include "mpc/render/draw.h"
-#include "mpc/seg/contour.h"
+#include "mpc/seg/mask_bounds.h"
 #include "mpc/skeleton/kinematics.h"
 #include "mpc/skeleton/skinning.h"
 
@@ -16,10 +16,8 @@ void DrawOutline(const cv::Mat& mask, cv::Mat* picture) {
   const cv::Scalar yellow(0, 230, 255);
   const int thickness = std::max(1, std::max(picture->cols, picture->rows) / 900);
   const cv::Rect box = MaskBounds(mask);
-  const cv::Rect around = cv::Rect(box.x - thickness, box.y - thickness, box.width + 2 * thickness,
-                                   box.height + 2 * thickness) &
-                          cv::Rect({}, mask.size());
   if (box.empty()) return;
+  const cv::Rect around = Grown(box, thickness, mask.size());
   cv::Mat outline;
   cv::morphologyEx(mask(around), outline, cv::MORPH_GRADIENT,
                    cv::getStructuringElement(cv::MORPH_RECT, {thickness + 2, thickness + 2}));

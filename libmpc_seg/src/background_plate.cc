@@ -9,6 +9,7 @@
 
 #include "mpc/core/error.h"
 #include "mpc/core/thread_pool.h"
+#include "mpc/seg/mask_bounds.h"
 #include "mpc/seg/trimap.h"
 #include "picture.h"
 
@@ -30,12 +31,10 @@ enum Place : uint8_t { kActor, kNearActor, kFarFromActor };
 
 cv::Mat PlacesOf(const cv::Mat& model_mask) {
   cv::Mat places(model_mask.size(), CV_8U, cv::Scalar(kFarFromActor));
-  cv::Rect around = cv::boundingRect(model_mask);
-  if (around.empty()) return places;
+  const cv::Rect box = MaskBounds(model_mask);
+  if (box.empty()) return places;
   const double size = ActorSizePx(model_mask);
-  const int margin = static_cast<int>(kFar * size) + 2;
-  around = (around - cv::Point(margin, margin) + cv::Size(2 * margin, 2 * margin)) &
-           cv::Rect({}, model_mask.size());
+  const cv::Rect around = Grown(box, static_cast<int>(kFar * size) + 2, model_mask.size());
   cv::Mat1f distance;
   cv::distanceTransform(model_mask(around) == 0, distance, cv::DIST_L2, cv::DIST_MASK_5);
   places(around) = (distance > kNear * size) / 255 + (distance > kFar * size) / 255;

@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstring>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
+#include "mpc/seg/mask_bounds.h"
 #include "picture.h"
+#include "pixel_block.h"
 
 namespace mpc {
 namespace {
@@ -31,43 +32,7 @@ float Value(const cv::Mat1f& f, float x, float y) {
          v * ((1 - u) * f(y1, x0) + u * f(y1, x1));
 }
 
-constexpr int kBlock = 8;  // pixels that are looked at together
-
-uint64_t Block(const uint8_t* pixels) {
-  uint64_t block;
-  std::memcpy(&block, pixels, kBlock);
-  return block;
-}
-
-// The first pixel of [begin, end) that is inside; end if none is.
-int FirstInside(const uint8_t* row, int begin, int end) {
-  while (begin + kBlock <= end && Block(row + begin) == 0) begin += kBlock;
-  while (begin < end && row[begin] == 0) ++begin;
-  return begin;
-}
-
-// The end of what is inside of [begin, end); begin if nothing is.
-int EndInside(const uint8_t* row, int begin, int end) {
-  while (begin + kBlock <= end && Block(row + end - kBlock) == 0) end -= kBlock;
-  while (begin < end && row[end - 1] == 0) --end;
-  return end;
-}
-
 }  // namespace
-
-cv::Rect MaskBounds(const cv::Mat& mask) {
-  CheckMask(mask, mask.size(), "mask");
-  int top = 0, bottom = mask.rows;
-  while (top < bottom && FirstInside(mask.ptr(top), 0, mask.cols) == mask.cols) ++top;
-  while (top < bottom && FirstInside(mask.ptr(bottom - 1), 0, mask.cols) == mask.cols) --bottom;
-  if (top == bottom) return {};
-  int left = mask.cols, right = 0;
-  for (int y = top; y < bottom; ++y) {
-    left = FirstInside(mask.ptr(y), 0, left);
-    right = EndInside(mask.ptr(y), right, mask.cols);
-  }
-  return {left, top, right - left, bottom - top};
-}
 
 Contour2d ExtractContour(const cv::Mat& mask, const cv::Mat& soft) {
   CheckMask(mask, mask.size(), "mask");
@@ -81,9 +46,7 @@ Contour2d ExtractContour(const cv::Mat& mask, const cv::Mat& soft) {
   Contour2d contour;
   const cv::Rect box = MaskBounds(mask);
   if (box.empty()) return contour;
-  const cv::Rect area = cv::Rect(box.x - kMargin, box.y - kMargin, box.width + 2 * kMargin,
-                                 box.height + 2 * kMargin) &
-                        cv::Rect({}, mask.size());
+  const cv::Rect area = Grown(box, kMargin, mask.size());
   const cv::Mat inside = mask(area) != 0;
   cv::Mat1f field;
   const cv::Mat source = soft_field.empty() ? inside : soft_field(area);

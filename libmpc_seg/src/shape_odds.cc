@@ -6,6 +6,8 @@
 #include <numbers>
 #include <opencv2/imgproc.hpp>
 
+#include "mpc/seg/mask_bounds.h"
+
 namespace mpc {
 namespace {
 
@@ -49,10 +51,9 @@ class Table {
 
 cv::Mat1f SignedDistance(const cv::Mat& mask) {
   cv::Mat1f inside(mask.size(), 0.F), outside;
-  const cv::Rect box = cv::boundingRect(mask);
-  const cv::Rect around =
-      cv::Rect(box.x - 1, box.y - 1, box.width + 2, box.height + 2) & cv::Rect({}, mask.size());
+  const cv::Rect box = MaskBounds(mask);
   if (!box.empty()) {
+    const cv::Rect around = Grown(box, 1, mask.size());
     cv::Mat1f near;
     cv::distanceTransform(mask(around), near, cv::DIST_L2, cv::DIST_MASK_5);
     near.copyTo(inside(around));

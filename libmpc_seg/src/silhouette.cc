@@ -11,6 +11,7 @@
 #include "mpc/core/error.h"
 #include "mpc/seg/background_motion.h"
 #include "mpc/seg/grid_cut.h"
+#include "mpc/seg/mask_bounds.h"
 #include "picture.h"
 #include "shape_odds.h"
 #include "unknown_pixels.h"
@@ -47,10 +48,9 @@ cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
 // Removes pieces of the actor without a certain pixel that are small, and fills small holes.
 void RemoveSpecks(const cv::Mat& whole_trimap, double model_area, cv::Mat* whole_labels) {
   // With a ring around it, in which all of the background outside hangs together.
-  const cv::Rect box = cv::boundingRect(*whole_labels);
-  const cv::Rect around = cv::Rect(box.x - 1, box.y - 1, box.width + 2, box.height + 2) &
-                          cv::Rect({}, whole_labels->size());
+  const cv::Rect box = MaskBounds(*whole_labels);
   if (box.empty()) return;
+  const cv::Rect around = Grown(box, 1, whole_labels->size());
   const cv::Mat trimap = whole_trimap(around);
   cv::Mat labels = (*whole_labels)(around);
   for (const bool inside : {true, false}) {
@@ -130,7 +130,7 @@ class Extraction {
       : frame_(frame), options_(options) {}
 
   Silhouette Run() {
-    const cv::Rect box = cv::boundingRect(frame_.model_mask);
+    const cv::Rect box = MaskBounds(frame_.model_mask);
     if (box.empty()) {
       result_.mask = cv::Mat(frame_.picture.size(), CV_8U, cv::Scalar(0));
       return result_;
@@ -177,9 +177,7 @@ class Extraction {
     const cv::Size size = frame_.picture.size();
     const double reach = std::ceil((options_.dilate + kRing) * actor_size_) + 2;
     const int margin = static_cast<int>(std::min<double>(reach, std::max(size.width, size.height)));
-    crop_ =
-        cv::Rect(box.x - margin, box.y - margin, box.width + 2 * margin, box.height + 2 * margin) &
-        cv::Rect({}, size);
+    crop_ = Grown(box, margin, size);
     if (options_.coarse_to_fine) {
       const double cut_size = std::min(actor_size_, std::sqrt(1.0 * crop_.area()));
       while (std::ldexp(cut_size, -num_halvings_) > kMaxCutSizePx) ++num_halvings_;
@@ -449,11 +447,7 @@ class Extraction {
   void Refine(int level) {
     const cv::Mat& bgr = pictures_[static_cast<size_t>(level)];
     cv::resize(labels_, labels_, bgr.size(), 0, 0, cv::INTER_NEAREST);
-    cv::Rect area = cv::boundingRect(labels_);
-    const int margin = kRefinePx + 1;
-    area = cv::Rect(area.x - margin, area.y - margin, area.width + 2 * margin,
-                    area.height + 2 * margin) &
-           cv::Rect({}, bgr.size());
+    const cv::Rect area = Grown(MaskBounds(labels_), kRefinePx + 1, bgr.size());
     if (area.empty()) return;
     const cv::Mat guess = labels_(area);
     cv::Mat most, least;
@@ -521,7 +515,7 @@ Silhouette SilhouetteFromMask(const cv::Mat& mask, const cv::Size& picture_size)
   cv::minMaxLoc(grey, nullptr, &largest);
   Silhouette result;
   result.mask = grey > (largest > 127 ? 127 : 0);
-  result.roi = cv::boundingRect(result.mask);
+  result.roi = MaskBounds(result.mask);
   result.state = SilhouetteState::kExternal;
   result.confidence = 1;
   return result;

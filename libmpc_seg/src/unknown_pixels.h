@@ -2,20 +2,16 @@
 #pragma once
 
 #include <cstdint>
-#include <cstring>
 
 #include "mpc/seg/trimap.h"
+#include "pixel_block.h"
 
 namespace mpc {
 
 // The first unknown pixel of a row at or after x, or `width`.
 inline int NextUnknown(const uint8_t* trimap, int x, int width) {
   constexpr uint64_t kUnknownBits = 0x0202020202020202;  // set in the labels of unknown pixels only
-  uint64_t eight = 0;
-  for (; x + 8 <= width; x += 8) {
-    std::memcpy(&eight, trimap + x, sizeof eight);
-    if ((eight & kUnknownBits) != 0) break;
-  }
+  while (x + kBlock <= width && (Block(trimap + x) & kUnknownBits) == 0) x += kBlock;
   while (x < width && !IsUnknown(trimap[x])) ++x;
   return x;
 }

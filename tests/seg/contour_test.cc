@@ -6,6 +6,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "mpc/seg/mask_bounds.h"
 #include "support/expect_error.h"
 
 namespace mpc {
@@ -137,7 +138,7 @@ TEST(Contour, OnePointPerPairOfNeighbours) {
   }
 }
 
-TEST(Contour, MaskBoundsAreOpenCvs) {
+TEST(MaskBounds, AreOpenCvs) {
   cv::RNG rng(3);
   for (int trial = 0; trial < 500; ++trial) {
     const cv::Mat mask = RandomMask(&rng);
@@ -146,6 +147,11 @@ TEST(Contour, MaskBoundsAreOpenCvs) {
     ASSERT_EQ(MaskBounds(mask(part)), cv::boundingRect(mask(part))) << mask(part);
   }
   EXPECT_MPC_ERROR(MaskBounds(cv::Mat()), kInvalidArgument, "mask");
+}
+
+TEST(MaskBounds, GrowWithinThePicture) {
+  EXPECT_EQ(Grown({5, 6, 2, 3}, 4, {100, 50}), cv::Rect(1, 2, 10, 11));
+  EXPECT_EQ(Grown({5, 6, 2, 3}, 7, {10, 12}), cv::Rect(0, 0, 10, 12));
 }
 
 TEST(Contour, EmptyAndTinyMasks) {

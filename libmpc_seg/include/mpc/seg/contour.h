@@ -20,8 +20,4 @@ namespace mpc {
 // Thread-safe. Throws Error for other types and sizes.
 Contour2d ExtractContour(const cv::Mat& mask, const cv::Mat& soft = cv::Mat());
 
-// The least rectangle around what is inside; empty if nothing is. cv::boundingRect in a quarter of
-// its time, for masks that are mostly empty. mask: CV_8U, nonzero inside. Thread-safe; allocates nothing.
-cv::Rect MaskBounds(const cv::Mat& mask);
-
 }  // namespace mpc

@@ -65,7 +65,7 @@ struct VideoReader::Impl {
   bool Decode(cv::Mat* frame, double* decoded_time_s) {
     try {
       if (!pictures.empty()) {
-        const auto next = static_cast<size_t>(index + 1);
+        const size_t next = static_cast<size_t>(index) + 1;
         if (next >= pictures.size()) return false;
         *decoded_time_s = static_cast<double>(next) / fps;
         const cv::Mat picture = cv::imread(pictures[next].string(), cv::IMREAD_COLOR);

@@ -169,7 +169,8 @@ void DrawDepthAt(const Outline& outline, const SurfaceTopology& topology,
                              tiles;
     for (int y = touched.y; y < touched.br().y; ++y) {
       for (int x = touched.x; x < touched.br().x; ++x) {
-        if (!visit(wanted[static_cast<size_t>(y * tiles.width + x)])) return;
+        const int tile = y * tiles.width + x;
+        if (!visit(wanted[static_cast<size_t>(tile)])) return;
       }
     }
   };

@@ -76,7 +76,7 @@ class Links {
     const int db = p[0] - q[0], dg = p[1] - q[1], dr = p[2] - q[2];
     int32_t link = contrast_[diagonal](db * db + dg * dg + dr * dr);
     if (has_motion_) link += motion_[diagonal](a.change[ax] + b.change[bx]);
-    if (a.strength != nullptr) {
+    if (a.strength != nullptr && b.strength != nullptr) {
       link = cvRound(0.5F * (a.strength[ax] + b.strength[bx]) * static_cast<float>(link));
     }
     return link;
@@ -160,16 +160,18 @@ GridCutResult Solve(const GridCutProblem& problem) {
     // The rows before, at and after this one; those outside the picture are not looked at.
     std::array<Links::Row, 3> rows;
     std::array<const uint8_t*, 3> labels{};
-    for (int dy = -1; dy <= 1; ++dy) {
-      if (y + dy < 0 || y + dy >= size.height) continue;
-      rows[static_cast<size_t>(1 + dy)] = link_of.row(y + dy);
-      labels[static_cast<size_t>(1 + dy)] = problem.trimap.ptr(y + dy);
+    for (size_t i = 0; i < rows.size(); ++i) {
+      const int row = y - 1 + static_cast<int>(i);
+      if (row < 0 || row >= size.height) continue;
+      rows[i] = link_of.row(row);
+      labels[i] = problem.trimap.ptr(row);
     }
     ForEachUnknown(trimap, size.width, [&](int x) {
       const int32_t node = here[static_cast<size_t>(x)] = flow.AddNode(ScaledLogOdds(log_odds[x]));
       for (size_t d = 0; d < kDegree; ++d) {
         const int qx = x + kDirections[d].dx;
-        const auto row = static_cast<size_t>(1 + kDirections[d].dy);
+        const int dy = kDirections[d].dy;
+        const size_t row = dy < 0 ? 0 : dy == 0 ? 1 : 2;
         if (qx < 0 || qx >= size.width || labels[row] == nullptr) continue;
         const uint8_t other = labels[row][qx];
         const bool later = d % 2 == 1;

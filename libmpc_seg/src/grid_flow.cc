@@ -115,18 +115,18 @@ void GridFlow<kDegree>::Augment(const Bridge& bridge) {
   int32_t flow = tail.capacity[bridge.direction];
   Node* node = &tail;
   for (; node->parent != kTerminal; node = &Parent(*node)) {
-    flow = std::min(flow, Parent(*node).capacity[static_cast<size_t>(node->parent ^ 1)]);
+    flow = std::min(flow, Parent(*node).capacity[ToParent(*node) ^ 1]);
   }
   flow = std::min(flow, node->surplus);
   for (node = &head; node->parent != kTerminal; node = &Parent(*node)) {
-    flow = std::min(flow, node->capacity[static_cast<size_t>(node->parent)]);
+    flow = std::min(flow, node->capacity[ToParent(*node)]);
   }
   flow = std::min(flow, -node->surplus);
 
   tail.capacity[bridge.direction] -= flow;
   head.capacity[bridge.direction ^ 1] += flow;
   for (node = &tail; node->parent != kTerminal;) {
-    const auto up = static_cast<size_t>(node->parent);
+    const size_t up = ToParent(*node);
     Node& parent = Neighbour(*node, up);
     node->capacity[up] += flow;
     parent.capacity[up ^ 1] -= flow;
@@ -136,7 +136,7 @@ void GridFlow<kDegree>::Augment(const Bridge& bridge) {
   node->surplus -= flow;
   if (node->surplus == 0) MakeOrphan(node);
   for (node = &head; node->parent != kTerminal;) {
-    const auto up = static_cast<size_t>(node->parent);
+    const size_t up = ToParent(*node);
     Node& parent = Neighbour(*node, up);
     node->capacity[up] -= flow;
     parent.capacity[up ^ 1] += flow;

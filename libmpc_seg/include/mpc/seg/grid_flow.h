@@ -72,7 +72,9 @@ class GridFlow {
   Node& Neighbour(const Node& node, size_t direction) {
     return nodes_[static_cast<size_t>(node.neighbour[direction])];
   }
-  Node& Parent(const Node& node) { return Neighbour(node, static_cast<size_t>(node.parent)); }
+  // The direction of its parent, of a node that has one.
+  static size_t ToParent(const Node& node) { return static_cast<uint8_t>(node.parent); }
+  Node& Parent(const Node& node) { return Neighbour(node, ToParent(node)); }
 
   void DecideFrom(int32_t node);
   void Activate(int32_t node);

@@ -9,19 +9,7 @@
 #include "clip_reader.h"
 #include "silhouette_maker.h"
 
-namespace mpc {
-
-std::vector<int> BackgroundFrames(int num_frames) {
-  constexpr int64_t kMostFrames = 24;
-  const auto count = std::min<int64_t>(num_frames, kMostFrames);
-  std::vector<int> frames;
-  for (int64_t i = 0; i < count; ++i) {
-    frames.push_back(static_cast<int>((i * num_frames + count - 1) / count));
-  }
-  return frames;
-}
-
-namespace internal {
+namespace mpc::internal {
 namespace {
 
 constexpr double kMaxPlateSides = 2;  // of the picture's
@@ -133,5 +121,4 @@ BackgroundPlate BackgroundView::At(int frame) const {
   return place ? ViewOfPlate(plate_, *place, picture_size_) : BackgroundPlate();
 }
 
-}  // namespace internal
-}  // namespace mpc
+}  // namespace mpc::internal

@@ -277,7 +277,9 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
 
   std::vector<cv::Mat> background;
   timed("video", [&] {
-    FirstReading reading = ReadVideo(inputs_, options_.masks && inputs_.masks.empty(), progress);
+    const bool keep_background = options_.masks && inputs_.masks.empty() &&
+                                 options_.refinement.silhouettes.segmentation.weight_plate > 0;
+    FirstReading reading = ReadVideo(inputs_, keep_background, progress);
     report.num_frames = reading.num_frames;
     background = std::move(reading.background);
     const auto check = [&](const fs::path& path, size_t count) {

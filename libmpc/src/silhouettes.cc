@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cstdint>
 #include <utility>
 
 #include "mpc/core/error.h"
@@ -23,6 +25,16 @@ void SilhouetteOptions::Validate() const {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("limb_thickness is {}, expected 0 to 1", limb_thickness));
   }
+}
+
+std::vector<int> BackgroundFrames(int num_frames) {
+  constexpr int64_t kMostFrames = 24;
+  const auto count = std::min<int64_t>(num_frames, kMostFrames);
+  std::vector<int> frames;
+  for (int64_t i = 0; i < count; ++i) {
+    frames.push_back(static_cast<int>((i * num_frames + count - 1) / count));
+  }
+  return frames;
 }
 
 std::vector<SilhouetteRecord> ExtractSilhouettes(const PosedClip& clip,

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
-#include "mpc/seg/mask_bounds.h"
+#include "random_mask.h"
 #include "support/expect_error.h"
 
 namespace mpc {
@@ -110,21 +110,10 @@ TEST(Contour, ThinAndSmallPiecesStay) {
   }
 }
 
-// A few rectangles of pixels that count as inside.
-cv::Mat RandomMask(cv::RNG* rng) {
-  cv::Mat mask = cv::Mat::zeros(rng->uniform(1, 60), rng->uniform(1, 60), CV_8U);
-  for (int i = rng->uniform(0, 4); i > 0; --i) {
-    const cv::Point corner(rng->uniform(0, mask.cols), rng->uniform(0, mask.rows));
-    const cv::Size size(rng->uniform(1, 20), rng->uniform(1, 20));
-    mask(cv::Rect(corner, size) & cv::Rect({}, mask.size())).setTo(rng->uniform(1, 256));
-  }
-  return mask;
-}
-
 TEST(Contour, OnePointPerPairOfNeighbours) {
   cv::RNG rng(7);
   for (int trial = 0; trial < 500; ++trial) {
-    const cv::Mat mask = RandomMask(&rng);
+    const cv::Mat mask = testing::RandomMask(&rng);
     const cv::Mat inside = mask != 0;
     int num_pairs = 0;
     for (int y = 0; y < mask.rows; ++y) {
@@ -136,22 +125,6 @@ TEST(Contour, OnePointPerPairOfNeighbours) {
     }
     ASSERT_EQ(ExtractContour(mask).points.cols(), num_pairs) << mask;
   }
-}
-
-TEST(MaskBounds, AreOpenCvs) {
-  cv::RNG rng(3);
-  for (int trial = 0; trial < 500; ++trial) {
-    const cv::Mat mask = RandomMask(&rng);
-    const cv::Rect part(0, 0, (mask.cols + 1) / 2, (mask.rows + 1) / 2);
-    ASSERT_EQ(MaskBounds(mask), cv::boundingRect(mask)) << mask;
-    ASSERT_EQ(MaskBounds(mask(part)), cv::boundingRect(mask(part))) << mask(part);
-  }
-  EXPECT_MPC_ERROR(MaskBounds(cv::Mat()), kInvalidArgument, "mask");
-}
-
-TEST(MaskBounds, GrowWithinThePicture) {
-  EXPECT_EQ(Grown({5, 6, 2, 3}, 4, {100, 50}), cv::Rect(1, 2, 10, 11));
-  EXPECT_EQ(Grown({5, 6, 2, 3}, 7, {10, 12}), cv::Rect(0, 0, 10, 12));
 }
 
 TEST(Contour, EmptyAndTinyMasks) {

@@ -73,19 +73,19 @@ TurningPlate PlaceTurningPlate(const Camera& camera, std::span<const CameraFromW
 
 }  // namespace
 
-std::optional<BackgroundView> BackgroundView::See(const PosedClip& clip,
+std::optional<BackgroundView> BackgroundView::See(const PosedClip& clip, const ClipView& view,
                                                   const SilhouetteOptions& options,
                                                   const char* stage,
                                                   const ProgressCallback& progress) {
-  BackgroundView view;
+  BackgroundView seen;
   std::vector<cv::Mat> kept;
   if (clip.background != nullptr) kept.swap(*clip.background);
-  if (!clip.masks.empty() || options.segmentation.weight_plate == 0) return view;
+  if (!clip.masks.empty() || options.segmentation.weight_plate == 0) return seen;
   const SurfaceTopology topology = SurfaceTopology::FromMesh(clip.character.mesh);
   const auto num_frames = static_cast<int>(clip.poses.cols());
   const bool turns = static_cast<int>(clip.camera_motion.size()) == num_frames && num_frames > 0;
   TurningPlate place;
-  if (turns) place = PlaceTurningPlate(clip.camera, clip.camera_motion);
+  if (turns) place = PlaceTurningPlate(view.camera, clip.camera_motion);
   const std::vector<int> frames = BackgroundFrames(num_frames);
   std::optional<VideoReader> video;
   if (kept.size() != frames.size()) video = OpenVideo(clip);
@@ -102,17 +102,17 @@ std::optional<BackgroundView> BackgroundView::See(const PosedClip& clip,
     }
     if (progress && !progress({stage, 0, num_frames})) return std::nullopt;
     if (turns && !place.plate_from_picture[static_cast<size_t>(f)]) continue;
-    samples.push_back({std::move(picture),
-                       PosedModelMask(clip.character, clip.camera, topology, clip.poses.col(f))});
+    samples.push_back({view.Look(picture),
+                       PosedModelMask(clip.character, view.camera, topology, clip.poses.col(f))});
     if (turns) {
       samples.back().plate_from_picture = place.plate_from_picture[static_cast<size_t>(f)];
     }
   }
-  if (samples.empty()) return view;
-  view.plate_ = MakeBackgroundPlate(samples, options.num_threads, place.size);
-  view.picture_size_ = {clip.camera.width, clip.camera.height};
-  view.plate_from_picture_ = std::move(place.plate_from_picture);
-  return view;
+  if (samples.empty()) return seen;
+  seen.plate_ = MakeBackgroundPlate(samples, options.num_threads, place.size);
+  seen.picture_size_ = {view.camera.width, view.camera.height};
+  seen.plate_from_picture_ = std::move(place.plate_from_picture);
+  return seen;
 }
 
 BackgroundPlate BackgroundView::At(int frame) const {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "clip_view.h"
 #include "mpc/core/progress.h"
 #include "mpc/seg/background_plate.h"
 #include "mpc/silhouettes.h"
@@ -21,8 +22,9 @@ class BackgroundView {
   BackgroundView() = default;
   // From some pictures of the clip; nothing is known where it is not asked for. Reports the first step of
   // `stage` for each of them; no view when the callback stopped it.
-  static std::optional<BackgroundView> See(const PosedClip& clip, const SilhouetteOptions& options,
-                                           const char* stage, const ProgressCallback& progress);
+  static std::optional<BackgroundView> See(const PosedClip& clip, const ClipView& view,
+                                           const SilhouetteOptions& options, const char* stage,
+                                           const ProgressCallback& progress);
 
   // The background in a frame's picture.
   BackgroundPlate At(int frame) const;

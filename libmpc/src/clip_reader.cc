@@ -25,7 +25,7 @@ ClipReader::ClipReader(const PosedClip& clip)
 void ClipReader::Read(ClipFrame* frame) {
   // New pictures: the ones before may still be in use.
   *frame = {};
-  if (!video_.Read(&frame->picture)) ThrowEnd(clip_.video);
+  if (!video_.Read(&frame->whole)) ThrowEnd(clip_.video);
   if (masks_ && !masks_->Read(&frame->given)) ThrowEnd(clip_.masks);
   if (truth_ && !truth_->Read(&frame->truth)) ThrowEnd(clip_.true_masks);
   ++num_read_;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "clip_view.h"
 #include "mpc/core/thread_pool.h"
 #include "mpc/io/mask_file.h"
 #include "mpc/io/video.h"
@@ -15,10 +16,11 @@ namespace mpc::internal {
 
 struct ClipFrame {
   int index = 0;
-  cv::Mat picture;
+  cv::Mat whole;     // the video's picture
+  cv::Mat picture;   // as the view looks at it; so is the next
   cv::Mat previous;  // the picture before, for the first frame the next; empty if there is none
-  cv::Mat given;     // the user's mask; empty: none
-  cv::Mat truth;     // empty: none
+  cv::Mat given;     // the user's mask, of the video's size; empty: none
+  cv::Mat truth;     // of the video's size; empty: none
   // The background's motion where it is known.
   std::optional<cv::Matx33d> previous_from_current;
 };
@@ -59,8 +61,8 @@ inline size_t NumClipSlots(int num_threads) {
 // name what process leaves for finish. finish returns false to end the work early: so does this
 // function. Holds two pictures per thread.
 template <typename Process, typename Finish>
-bool ForEachClipFrame(const PosedClip& clip, int num_threads, const Process& process,
-                      const Finish& finish) {
+bool ForEachClipFrame(const PosedClip& clip, const ClipView& view, int num_threads,
+                      const Process& process, const Finish& finish) {
   ClipReader reader(clip);
   const int num_frames = static_cast<int>(clip.poses.cols());
   std::vector<ClipFrame> chunk(NumClipSlots(num_threads));
@@ -71,6 +73,7 @@ bool ForEachClipFrame(const PosedClip& clip, int num_threads, const Process& pro
     for (int i = 0; i < count; ++i) {
       ClipFrame& frame = chunk[static_cast<size_t>(i)];
       frame.index = begin + i;
+      frame.picture = view.Look(frame.whole);
       frame.previous = i > 0 ? chunk[static_cast<size_t>(i) - 1].picture : before;
     }
     if (begin == 0 && count > 1) chunk[0].previous = chunk[1].picture;

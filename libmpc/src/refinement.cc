@@ -1,10 +1,14 @@
 #include "mpc/refinement.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <ctime>
 #include <deque>
 #include <utility>
 
+#include "clip_view.h"
+#include "mpc/core/error.h"
 #include "mpc/deform/refinement_smoother.h"
 #include "mpc/eval/metrics.h"
 #include "mpc/seg/contour.h"
@@ -18,6 +22,7 @@ ClipRefinementOptions ClipRefinementOptions::Paper() {
   options.second_extraction = SegmentationOptions::Paper();
   options.frames = FrameRefinementOptions::Paper();
   options.smoothing = SmoothingOptions::Paper();
+  options.person_px = 0;
   return options;
 }
 
@@ -26,6 +31,10 @@ void ClipRefinementOptions::Validate() const {
   second_extraction.Validate();
   frames.Validate();
   smoothing.Validate();
+  if (!(person_px >= 0 && person_px <= 1e6)) {
+    throw Error(ErrorCode::kInvalidArgument,
+                fmt::format("person_px is {}, expected 0 to 1e6", person_px));
+  }
 }
 
 namespace {
@@ -58,12 +67,13 @@ double ThreadSeconds() {
 
 class Stage {
  public:
-  Stage(const PosedClip& clip, const ClipRefinementOptions& options,
+  Stage(const PosedClip& clip, const internal::ClipView& view, const ClipRefinementOptions& options,
         internal::BackgroundView background)
       : clip_(clip),
+        view_(view),
         options_(options),
         first_extraction_(options.silhouettes.segmentation),
-        maker_(clip, options.silhouettes, std::move(background)),
+        maker_(clip, view, options.silhouettes, std::move(background)),
         refiner_(clip.character, HeldBy(clip.error_2d_mm, options.frames)) {
     first_extraction_.refine_outline &= options.frames.level == RefinementLevel::kNone;
   }
@@ -78,7 +88,7 @@ class Stage {
           actor.refined ? options_.second_extraction : first_extraction_;
       const Silhouette silhouette =
           maker_.Make(actor.state, actor.vertices, model, frame, segmentation, result.silhouette);
-      result.record.silhouette = internal::MakeRecord(silhouette, model, frame.truth);
+      result.record.silhouette = maker_.Record(silhouette, actor.vertices, model, frame.truth);
       if (!actor.refined) {
         result.record.batch_true_iou = result.record.silhouette.model_true_iou;
       }
@@ -89,21 +99,20 @@ class Stage {
       return contour;
     };
     result.refinement =
-        refiner_.Refine(clip_.camera, clip_.poses.col(frame.index), outline, scratch);
+        refiner_.Refine(view_.camera, clip_.poses.col(frame.index), outline, scratch);
     result.surface_s = ThreadSeconds() - last_outline_s;
     result.record.pose_state = result.refinement.pose_state;
     result.record.surface_state = result.refinement.surface_state;
     result.record.pose_support = result.refinement.pose_support;
     result.record.surface_support = result.refinement.surface_support;
-    result.picture = frame.picture;
+    result.silhouette = internal::EnlargedMask(result.silhouette, frame.whole.size());
+    result.picture = frame.whole;
     result.truth = frame.truth;
     return result;
   }
 
   double SurfaceIou(const Eigen::Matrix3Xf& vertices, const cv::Mat& truth) const {
-    cv::Mat mask;
-    maker_.Model(vertices, &mask);
-    return MaskIou(mask, truth);
+    return MaskIou(maker_.WholeModel(vertices), truth);
   }
 
  private:
@@ -114,6 +123,7 @@ class Stage {
   }
 
   const PosedClip& clip_;
+  const internal::ClipView& view_;
   const ClipRefinementOptions& options_;
   SegmentationOptions first_extraction_;  // its outline only guides the pose, if there is a second
   internal::SilhouetteMaker maker_;
@@ -125,12 +135,15 @@ class Stage {
 ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& options,
                           const RefinementSink& sink, const ProgressCallback& progress) {
   options.Validate();
+  // Masks that are the user's own, or all that is asked for, keep their size.
+  const bool whole = !clip.masks.empty() || options.frames.level == RefinementLevel::kNone;
+  const internal::ClipView view(clip, whole ? 0 : options.person_px);
   std::optional<internal::BackgroundView> background =
-      internal::BackgroundView::See(clip, options.silhouettes, "refinement", progress);
+      internal::BackgroundView::See(clip, view, options.silhouettes, "refinement", progress);
   ClipRefinement refinement;
   refinement.poses = clip.poses;
   if (!background) return refinement;
-  const Stage stage(clip, options, std::move(*background));
+  const Stage stage(clip, view, options, std::move(*background));
   RefinementSmoother smoother(clip.character, options.smoothing);
   const int num_frames = static_cast<int>(clip.poses.cols());
   const int num_threads = options.silhouettes.num_threads;
@@ -154,7 +167,7 @@ ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& op
   std::vector<Result> results(internal::NumClipSlots(num_threads));
   std::vector<CorrespondenceScratch> scratch(results.size());
   const bool all = internal::ForEachClipFrame(
-      clip, num_threads,
+      clip, view, num_threads,
       [&](const internal::ClipFrame& frame, size_t slot) {
         results[slot] = stage.Process(frame, &scratch[slot]);
       },

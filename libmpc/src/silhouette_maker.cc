@@ -24,16 +24,23 @@ cv::Mat PosedModelMask(const Character& character, const Camera& camera,
   return mask;
 }
 
-SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const SilhouetteOptions& options,
-                                 BackgroundView background)
+SilhouetteMaker::SilhouetteMaker(const PosedClip& clip, const ClipView& view,
+                                 const SilhouetteOptions& options, BackgroundView background)
     : clip_(clip),
+      view_(view),
       options_(options),
       topology_(SurfaceTopology::FromMesh(clip.character.mesh)),
       limbs_(FindLimbs(clip.character)),
       background_(std::move(background)) {}
 
 void SilhouetteMaker::Model(const Eigen::Matrix3Xf& vertices, cv::Mat* mask) const {
-  ModelMask(clip_.camera, vertices, topology_, mask);
+  ModelMask(view_.camera, vertices, topology_, mask);
+}
+
+cv::Mat SilhouetteMaker::WholeModel(const Eigen::Matrix3Xf& vertices) const {
+  cv::Mat mask;
+  ModelMask(clip_.camera, vertices, topology_, &mask);
+  return mask;
 }
 
 Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matrix3Xf& vertices,
@@ -53,19 +60,19 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
   const cv::Mat clip =
       segmentation.clip_skeleton ? model : cv::Mat(model.size(), CV_8UC1, cv::Scalar(255));
   input.skeleton_mask =
-      SkeletonMask(clip_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
+      SkeletonMask(view_.camera, PoseLimbs(limbs_, state), options_.limb_thickness, clip);
   input.earlier = earlier;
   input.background = background_.At(frame.index);
   input.previous_from_current = frame.previous_from_current;
   input.person_probability =
-      PictureMask(clip_.person_masks, frame.index, clip_.person_gap, frame.picture.size());
+      PictureMask(view_.person_masks, frame.index, clip_.person_gap, frame.picture.size());
   input.actor_size_px = CutOffActorSizePx(vertices);
   return ExtractSilhouette(input, segmentation);
 }
 
 // Size of an actor that the picture cuts off, as a wider picture shows it; 0 for any other.
 double SilhouetteMaker::CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) const {
-  const Camera& camera = clip_.camera;
+  const Camera& camera = view_.camera;
   const cv::Rect bounds = ProjectedBounds(camera, vertices);
   if (bounds.empty() || (bounds.x > 0 && bounds.y > 0 && bounds.br().x < camera.width &&
                          bounds.br().y < camera.height)) {
@@ -79,16 +86,17 @@ double SilhouetteMaker::CutOffActorSizePx(const Eigen::Matrix3Xf& vertices) cons
   return ActorSizePx(wide);
 }
 
-SilhouetteRecord MakeRecord(const Silhouette& silhouette, const cv::Mat& model,
-                            const cv::Mat& truth) {
+SilhouetteRecord SilhouetteMaker::Record(const Silhouette& silhouette,
+                                         const Eigen::Matrix3Xf& vertices, const cv::Mat& model,
+                                         const cv::Mat& truth) const {
   SilhouetteRecord record = {.state = silhouette.state,
                              .confidence = silhouette.confidence,
                              .model_iou = silhouette.model_iou,
                              .camera_motion = silhouette.camera_motion};
-  if (!truth.empty()) {
-    record.true_iou = MaskIou(silhouette.mask, truth);
-    record.model_true_iou = MaskIou(model, truth);
-  }
+  if (truth.empty()) return record;
+  record.true_iou = MaskIou(EnlargedMask(silhouette.mask, truth.size()), truth);
+  record.model_true_iou =
+      MaskIou(model.size() == truth.size() ? model : WholeModel(vertices), truth);
   return record;
 }
 

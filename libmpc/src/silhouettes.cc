@@ -42,19 +42,21 @@ std::vector<SilhouetteRecord> ExtractSilhouettes(const PosedClip& clip,
                                                  const SilhouetteSink& sink,
                                                  const ProgressCallback& progress) {
   options.Validate();
+  const internal::ClipView view(clip);
   std::optional<internal::BackgroundView> background =
-      internal::BackgroundView::See(clip, options, "silhouettes", progress);
+      internal::BackgroundView::See(clip, view, options, "silhouettes", progress);
   if (!background) return {};
-  const internal::SilhouetteMaker maker(clip, options, std::move(*background));
+  const internal::SilhouetteMaker maker(clip, view, options, std::move(*background));
   const int num_frames = static_cast<int>(clip.poses.cols());
   struct Result {
     cv::Mat model;
     Silhouette silhouette;
+    SilhouetteRecord record;
   };
   std::vector<Result> results(internal::NumClipSlots(options.num_threads));
   std::vector<SilhouetteRecord> records;
   internal::ForEachClipFrame(
-      clip, options.num_threads,
+      clip, view, options.num_threads,
       [&](const internal::ClipFrame& frame, size_t slot) {
         KinematicState state;
         ForwardKinematics(clip.character.skeleton, clip.poses.col(frame.index), &state);
@@ -63,10 +65,11 @@ std::vector<SilhouetteRecord> ExtractSilhouettes(const PosedClip& clip,
         Result& result = results[slot];
         maker.Model(vertices, &result.model);
         result.silhouette = maker.Make(state, vertices, result.model, frame, options.segmentation);
+        result.record = maker.Record(result.silhouette, vertices, result.model, frame.truth);
       },
       [&](const internal::ClipFrame& frame, size_t slot) {
         const Result& result = results[slot];
-        records.push_back(internal::MakeRecord(result.silhouette, result.model, frame.truth));
+        records.push_back(result.record);
         sink({frame.index, frame.picture, result.model, result.silhouette});
         return !progress || progress({"silhouettes", frame.index + 1, num_frames});
       });

@@ -115,7 +115,8 @@ TEST_F(SilhouettesTest, DoNotDependOnTheNumberOfThreads) {
 TEST_F(SilhouettesTest, SeeTheBackgroundWhereTheActorHasBeen) {
   const DrawnClip walk(9, 0.25);
   const auto see = [](const PosedClip& clip, const SilhouetteOptions& options = {}) {
-    const auto view = internal::BackgroundView::See(clip, options, "silhouettes", {});
+    const auto view =
+        internal::BackgroundView::See(clip, internal::ClipView(clip), options, "silhouettes", {});
     return view ? std::optional(view->At(0)) : std::nullopt;
   };
   const std::optional<BackgroundPlate> plate = see(walk.clip());
@@ -160,7 +161,8 @@ TEST_F(SilhouettesTest, SeeTheSameBackgroundInPicturesThatWereKept) {
   const DrawnClip walk(30, 0.25);
   PosedClip clip = walk.clip();
   const auto see = [&] {
-    const auto view = internal::BackgroundView::See(clip, {}, "silhouettes", {});
+    const auto view =
+        internal::BackgroundView::See(clip, internal::ClipView(clip), {}, "silhouettes", {});
     return view ? view->At(0) : BackgroundPlate();
   };
   const BackgroundPlate read = see();
@@ -226,13 +228,15 @@ TEST_F(SilhouettesTest, SeeTheBackgroundOfACameraThatTurns) {
     return (mean[0] + mean[1] + mean[2]) / 3;
   };
   clip.camera_motion = motion;
-  const auto view = internal::BackgroundView::See(clip, {}, "silhouettes", {});
+  const auto view =
+      internal::BackgroundView::See(clip, internal::ClipView(clip), {}, "silhouettes", {});
   ASSERT_TRUE(view);
   for (const int f : {0, num_frames / 2, num_frames - 1}) EXPECT_LT(difference(*view, f), 3);
 
   // One look to the other side of the room belongs to no plate.
   motion[1].rotation = Eigen::AngleAxisd(3, Eigen::Vector3d::UnitY()).toRotationMatrix();
-  const auto without = internal::BackgroundView::See(clip, {}, "silhouettes", {});
+  const auto without =
+      internal::BackgroundView::See(clip, internal::ClipView(clip), {}, "silhouettes", {});
   ASSERT_TRUE(without);
   EXPECT_TRUE(without->At(1).empty());
   EXPECT_LT(difference(*without, 0), 3);

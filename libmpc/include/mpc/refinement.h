@@ -23,6 +23,9 @@ struct ClipRefinementOptions {
   SegmentationOptions second_extraction = SegmentationOptions::AfterRefinement();
   FrameRefinementOptions frames;
   SmoothingOptions smoothing;
+  // Pictures are looked at in half their size, or a quarter and so on, as long as the person stays taller
+  // than this in them; 0: as they are; ours.
+  double person_px = 400;
 
   static ClipRefinementOptions Paper();
 

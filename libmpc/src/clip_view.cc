@@ -1,0 +1,58 @@
+#include "clip_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <opencv2/imgproc.hpp>
+
+namespace mpc::internal {
+namespace {
+
+constexpr double kMinDepth = 0.1;     // metres
+constexpr double kSmallFrames = 0.1;  // share of frames in which the actor may be smaller
+
+// How tall the actor would stand in the pictures where it is farthest, but for few frames.
+double ActorHeightPx(const PosedClip& clip) {
+  const Eigen::Matrix3Xf& rest = clip.character.mesh.positions;
+  if (rest.cols() == 0 || clip.poses.cols() == 0) return 0;
+  const double height = (rest.rowwise().maxCoeff() - rest.rowwise().minCoeff()).maxCoeff();
+  std::vector<double> depths;
+  for (Eigen::Index f = 0; f < clip.poses.cols(); ++f) {
+    depths.push_back(std::max(clip.poses(2, f), kMinDepth));
+  }
+  const auto few = static_cast<std::ptrdiff_t>(kSmallFrames * static_cast<double>(depths.size()));
+  const auto far = depths.end() - 1 - few;
+  std::nth_element(depths.begin(), far, depths.end());
+  return std::min(clip.camera.fx, clip.camera.fy) * height / *far;
+}
+
+}  // namespace
+
+ClipView::ClipView(const PosedClip& clip, double person_px)
+    : camera(clip.camera), person_masks(clip.person_masks.begin(), clip.person_masks.end()) {
+  if (person_px <= 0) return;
+  for (double height = ActorHeightPx(clip) / 2; height > person_px; height /= 2) ++num_halvings;
+  if (num_halvings == 0) return;
+  const auto halved = [&](int side) { return std::max(1, side >> num_halvings); };
+  camera = clip.camera.ScaledTo(halved(camera.width), halved(camera.height));
+  const Eigen::Array2d scale(camera.fx / clip.camera.fx, camera.fy / clip.camera.fy);
+  for (PersonMask& mask : person_masks) {
+    mask.region.center = (mask.region.center.array() + 0.5) * scale - 0.5;
+    mask.region.size_px *= scale.mean();
+  }
+}
+
+cv::Mat ClipView::Look(const cv::Mat& picture) const {
+  if (num_halvings == 0) return picture;
+  cv::Mat small;
+  cv::resize(picture, small, {camera.width, camera.height}, 0, 0, cv::INTER_AREA);
+  return small;
+}
+
+cv::Mat EnlargedMask(const cv::Mat& mask, const cv::Size& size) {
+  if (mask.size() == size) return mask;
+  cv::Mat large;
+  cv::resize(mask, large, size, 0, 0, cv::INTER_LINEAR);
+  return large > 127;
+}
+
+}  // namespace mpc::internal

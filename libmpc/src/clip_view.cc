@@ -7,7 +7,8 @@
 namespace mpc::internal {
 namespace {
 
-constexpr double kMinDepth = 0.1;     // metres
+constexpr double kMinDepth = 0.1;  // metres
+constexpr double kOutlineSigmaPx = 1;
 constexpr double kSmallFrames = 0.1;  // share of frames in which the actor may be smaller
 
 // How tall the actor would stand in the pictures where it is farthest, but for few frames.
@@ -50,8 +51,10 @@ cv::Mat ClipView::Look(const cv::Mat& picture) const {
 
 cv::Mat EnlargedMask(const cv::Mat& mask, const cv::Size& size) {
   if (mask.size() == size) return mask;
-  cv::Mat large;
-  cv::resize(mask, large, size, 0, 0, cv::INTER_LINEAR);
+  // Blurred first: the outline lies where it is half inside, between the pixels.
+  cv::Mat smooth, large;
+  cv::GaussianBlur(mask, smooth, {5, 5}, kOutlineSigmaPx);
+  cv::resize(smooth, large, size, 0, 0, cv::INTER_LINEAR);
   return large > 127;
 }
 

@@ -148,6 +148,27 @@ TEST_F(RefinementTest, CanBeStopped) {
   EXPECT_EQ(result.refinement.frames.size(), result.vertices.size());
 }
 
+TEST_F(RefinementTest, LargePicturesAreLookedAtInASmallerSize) {
+  ClipRefinementOptions options;
+  options.person_px = 80;  // the person is about 200 px tall
+  const Delivered result = Refine(WithTruth(), options);
+  const int num_frames = static_cast<int>(clip_->poses.cols());
+  ASSERT_EQ(result.masks.size(), static_cast<size_t>(num_frames));
+  EXPECT_LT(RootError(result.refinement.poses), 0.6 * RootError(clip_->poses));
+  double batch = 0, surface = 0;
+  for (int f = 0; f < num_frames; ++f) {
+    const RefinementRecord& record = result.refinement.frames[static_cast<size_t>(f)];
+    const cv::Mat& truth = clip_->truth[static_cast<size_t>(f)];
+    const cv::Mat mask = MeshMask(clip_->camera, result.vertices[static_cast<size_t>(f)],
+                                  clip_->character.mesh.triangles);
+    EXPECT_NEAR(MaskIou(mask, truth), record.surface_true_iou, 1e-3);
+    EXPECT_EQ(MaskIou(result.masks[static_cast<size_t>(f)], truth), record.silhouette.true_iou);
+    batch += record.batch_true_iou / num_frames;
+    surface += record.surface_true_iou / num_frames;
+  }
+  EXPECT_GT(surface, batch + 0.05);
+}
+
 TEST_F(RefinementTest, OneFrameIsAClip) {
   DrawnClip one(1);
   const ClipRefinement result = RefineClip(one.clip(), {}, [](const RefinedFrame&) {});

@@ -29,6 +29,7 @@ struct CaptureArguments {
   bool no_masks = false;
   bool no_person_masks = false;
   std::string refine = "surface";
+  bool still_camera = false;
   bool quiet = false;
 };
 
@@ -42,6 +43,7 @@ mpc::CaptureOptions MakeOptions(const CaptureArguments& arguments) {
   if (arguments.preset == "paper") {
     options.pose = mpc::PoseOptions::Paper();
     options.refinement = mpc::ClipRefinementOptions::Paper();
+    options.camera_turns = false;
   }
   if (!arguments.fit_proportions.empty()) {
     options.pose.fit_proportions = arguments.fit_proportions == "auto";
@@ -53,6 +55,7 @@ mpc::CaptureOptions MakeOptions(const CaptureArguments& arguments) {
   options.overlay = !arguments.no_overlay;
   options.masks = !arguments.no_masks;
   options.person_masks = !arguments.no_person_masks && arguments.preset != "paper";
+  if (arguments.still_camera) options.camera_turns = false;
   options.refinement.frames.level = kLevels.at(arguments.refine);
   if (arguments.surface == "none") options.surface = mpc::SurfaceTargets::kNone;
   if (arguments.surface == "full") options.surface = mpc::SurfaceTargets::kFull;
@@ -116,6 +119,8 @@ Command AddCaptureCommand(CLI::App* parent) {
   camera->add_option("--fov", arguments->fov_deg, "Field of view of the longer side, degrees")
       ->check(CLI::Range(1.0, 179.0));
   camera->require_option(0, 1);
+  app->add_flag("--still-camera", arguments->still_camera,
+                "The camera rests: do not look whether it turns (so in the paper's preset)");
   app->add_option("--detections2d", inputs.detections2d,
                   "Joints in 2D: OpenPose, BlazePose or our own JSON; without: the networks'");
   app->add_option("--detections3d", inputs.detections3d, "Joints in 3D: BlazePose or our own JSON");

@@ -6,6 +6,7 @@
 #include <span>
 #include <utility>
 
+#include "camera_turns.h"
 #include "clip_reader.h"
 #include "silhouette_maker.h"
 
@@ -14,12 +15,6 @@ namespace {
 
 constexpr double kMaxPlateSides = 2;  // of the picture's
 constexpr double kMinDepth = 0.3;     // cosine of the most that a ray turns to the plate
-
-Eigen::Matrix3d Intrinsics(const Camera& camera) {
-  Eigen::Matrix3d k;
-  k << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1;
-  return k;
-}
 
 // The plate of a camera that turns, and where the frames see it; nowhere, if they look too far aside.
 struct TurningPlate {
@@ -37,11 +32,10 @@ TurningPlate PlaceTurningPlate(const Camera& camera, std::span<const CameraFromW
       std::max_element(motion.begin(), motion.end(), [&](const auto& a, const auto& b) {
         return nearness(a) < nearness(b);
       })->rotation;
-  const Eigen::Matrix3d k = Intrinsics(camera);
   std::vector<std::optional<Eigen::Matrix3d>> turns;
   Eigen::Array2d low(0, 0), high(camera.width - 1, camera.height - 1);
   for (const CameraFromWorld& frame : motion) {
-    const Eigen::Matrix3d turn = k * middle * frame.rotation.transpose() * k.inverse();
+    const Eigen::Matrix3d turn = HomographyOfTurn(middle * frame.rotation.transpose(), camera);
     Eigen::Matrix<double, 3, 4> corners;
     corners << 0, camera.width - 1, 0, camera.width - 1,  //
         0, 0, camera.height - 1, camera.height - 1, 1, 1, 1, 1;

@@ -12,9 +12,11 @@
 #include <system_error>
 
 #include "actor.h"
+#include "camera_turns.h"
 #include "mask_outputs.h"
 #include "model_fit.h"
 #include "mpc/core/error.h"
+#include "mpc/core/units.h"
 #include "mpc/detect_clip.h"
 #include "mpc/io/camera_file.h"
 #include "mpc/io/detections_file.h"
@@ -156,6 +158,29 @@ void AddTrackWarnings(const PoseTrack& track, std::vector<std::string>* warnings
   add(num_swapped, "had left and right of the detections exchanged");
 }
 
+// The turns of a camera whose places are not known; none when it rests or they cannot be told.
+std::vector<CameraFromWorld> FindCameraTurns(const CaptureInputs& inputs,
+                                             std::span<const cv::Mat> background,
+                                             const Detections2d& detections,
+                                             const ProgressCallback& progress,
+                                             CaptureReport* report) {
+  if (internal::CameraRests(background, BackgroundFrames(report->num_frames), detections))
+    return {};
+  std::optional<internal::TurningCamera> turning = internal::FollowCamera(
+      VideoReader(inputs.video, inputs.image_fps), report->camera, detections, progress);
+  if (!turning) {
+    throw Error(ErrorCode::kCancelled, "stopped while the camera's turns were looked for");
+  }
+  if (2 * turning->num_unseen > report->num_frames) return {};
+  report->warnings.push_back(
+      fmt::format("the camera moves and where it is was not given (\"frames\" of the camera file): "
+                  "its turns, up to "
+                  "{:.0f} degrees, were estimated from the background of {} of {} frames",
+                  turning->largest_rad / kDegree, report->num_frames - turning->num_unseen,
+                  report->num_frames));
+  return std::move(turning->places);
+}
+
 // Results of a camera that moves unnoticed are right in its own frame only.
 void AddCameraMotionWarning(CaptureReport* report) {
   const auto num_moving =
@@ -201,6 +226,10 @@ Capture::Inputs::Inputs(const CaptureInputs& inputs, const CaptureOptions& optio
   report.fps = video.fps();
   report.camera = CameraForVideo(inputs, video, &report.warnings);
   if (!inputs.camera.empty()) camera_motion = ReadCameraMotion(inputs.camera);
+  if (!camera_motion.empty()) {
+    report.camera.camera_from_world = camera_motion.front();
+    report.camera.has_extrinsics = true;
+  }
   int num_frames = -1;  // not known before the video is read
   if (inputs.detections2d.empty()) {
     if (!inputs.detections3d.empty()) {
@@ -275,18 +304,20 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
     report.timings.push_back({stage, elapsed.count(), core_elapsed});
   };
 
+  std::vector<CameraFromWorld> camera_motion = loaded_->camera_motion;
+  const bool find_turns = options_.camera_turns && !report.camera.has_extrinsics;
   std::vector<cv::Mat> background;
   timed("video", [&] {
-    const bool keep_background = options_.masks && inputs_.masks.empty() &&
-                                 options_.refinement.silhouettes.segmentation.weight_plate > 0;
-    FirstReading reading = ReadVideo(inputs_, keep_background, progress);
+    const bool make_plate = options_.masks && inputs_.masks.empty() &&
+                            options_.refinement.silhouettes.segmentation.weight_plate > 0;
+    FirstReading reading = ReadVideo(inputs_, make_plate || find_turns, progress);
     report.num_frames = reading.num_frames;
     background = std::move(reading.background);
     const auto check = [&](const fs::path& path, size_t count) {
       if (!path.empty()) CheckFrameCount(path, count, inputs_.video, report.num_frames);
     };
     check(inputs_.detections2d, detections2d.frames.size());
-    if (!loaded_->camera_motion.empty()) check(inputs_.camera, loaded_->camera_motion.size());
+    if (!camera_motion.empty()) check(inputs_.camera, camera_motion.size());
   });
   if (inputs_.detections2d.empty()) {
     timed("detect", [&] {
@@ -320,10 +351,15 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                       focal.focal_px, 100 * focal.relative_sigma));
     });
   }
+  if (find_turns) {
+    timed("camera", [&] {
+      camera_motion = FindCameraTurns(inputs_, background, detections2d, progress, &report);
+    });
+  }
   timed("pose", [&] {
     report.track = EstimatePoses(character.skeleton, report.camera, detections2d,
                                  detections3d ? &*detections3d : nullptr, report.fps, options_.pose,
-                                 loaded_->camera_motion, progress);
+                                 camera_motion, progress);
     ApplyProportions(report.track.proportions, &character, &rig);
     report.skeleton = character.skeleton;
   });
@@ -337,8 +373,8 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
   }
   AddTrackWarnings(report.track, &report.warnings);
   timed("world", [&] {
-    report.world = PlaceInWorld(character, report.track.poses, report.camera,
-                                loaded_->camera_motion, num_threads);
+    report.world =
+        PlaceInWorld(character, report.track.poses, report.camera, camera_motion, num_threads);
   });
   for (const std::string& warning : report.world.warnings) report.warnings.push_back(warning);
 
@@ -383,7 +419,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
                         .masks = inputs_.masks,
                         .true_masks = inputs_.true_masks,
                         .error_2d_mm = report.track.error_2d_mm,
-                        .camera_motion = loaded_->camera_motion,
+                        .camera_motion = camera_motion,
                         .background = &background};
       if (options_.person_masks) {
         clip.person_masks = person_masks;
@@ -410,7 +446,7 @@ CaptureReport Capture::Run(const ProgressCallback& progress) {
             [&] { write_motion(targets ? output_ / internal::kSurfaceName : fs::path()); });
     }
     internal::AddRefinementWarnings(report.refinement, &report.warnings);
-    if (loaded_->camera_motion.empty()) AddCameraMotionWarning(&report);
+    if (camera_motion.empty()) AddCameraMotionWarning(&report);
   }
   if (overlay_error) std::rethrow_exception(overlay_error);
   // With silhouettes it was drawn while they were found.

@@ -188,7 +188,7 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
                            std::span<const CameraFromWorld> camera_motion)
     : camera_(camera),
       base_from_camera_(BaseFromCamera(camera, camera_motion, std::ssize(detections2d.frames))),
-      has_world_(camera.has_extrinsics || !camera_motion.empty()),
+      has_world_(camera.has_extrinsics),
       detections2d_(std::make_shared<Detections2d>(detections2d)),
       fps_(fps),
       options_(options),

@@ -25,6 +25,7 @@ constexpr double kUprightShare = 0.1;      // of the frames that say where up is
 constexpr double kStep = 0.15;             // m; stands that differ less in height are on one floor
 constexpr double kFloorError = 0.015;      // m in height of a standing joint over the floor
 constexpr double kGuessedFloorError = 0.05;  // the same where nothing but people says where up is
+constexpr double kTurningFloorError = 0.1;   // and the camera turns as its background says
 constexpr double kOwnError = 0.1;            // m along the ray of a stand on its own
 constexpr double kRunaway = 0.15;  // m along the ray from where most estimates of a stand lie
 constexpr double kReach = 0.05;    // m across the ray from where it began to stand
@@ -176,7 +177,14 @@ UpDirection EstimateUp(bool has_world, const FootTracks& tracks) {
   if (static_cast<double>(tracks.upright.size()) < kUprightShare * num_frames) return up;
   for (const Eigen::Vector3d& direction : tracks.upright) up.in_base += direction;
   up.in_base.normalize();
-  if (!has_world) return up;
+  if (!has_world) {
+    const auto& places = tracks.base_from_camera;
+    const bool turns = std::any_of(places.begin(), places.end(), [&](const auto& place) {
+      return place.rotation != places.front().rotation;
+    });
+    if (turns) up.floor_error = kTurningFloorError;
+    return up;
+  }
   const Eigen::Vector3d axis = SnappedToAxis(up.in_base);
   if (axis == up.in_base) return up;
   return {axis, kFloorError};

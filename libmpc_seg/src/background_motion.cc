@@ -36,41 +36,40 @@ cv::Vec2d Apply(const cv::Matx33d& h, double x, double y) {
 
 }  // namespace
 
-std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, const cv::Mat& current,
-                                                    const cv::Mat& exclude) {
-  CheckPicture(current, "picture");
-  CheckPicture(previous, "previous picture");
-  if (previous.size() != current.size()) {
-    throw Error(ErrorCode::kMismatch, "segmentation: the previous picture has another size");
+BackgroundPoints::BackgroundPoints(const cv::Mat& picture, const cv::Mat& exclude)
+    : size_(picture.size()) {
+  CheckPicture(picture, "picture");
+  if (!exclude.empty()) CheckMask(exclude, size_, "mask to exclude");
+  while (std::max(size_.width, size_.height) >> num_halvings_ > kMaxSidePx &&
+         std::min(size_.width, size_.height) >> num_halvings_ >= 2) {
+    ++num_halvings_;
   }
-  if (!exclude.empty()) CheckMask(exclude, current.size(), "mask to exclude");
-
-  int num_halvings = 0;
-  while (std::max(current.cols, current.rows) >> num_halvings > kMaxSidePx &&
-         std::min(current.cols, current.rows) >> num_halvings >= 2) {
-    ++num_halvings;
-  }
-  const cv::Mat grey = SmallGrey(current, num_halvings);
-  const cv::Mat previous_grey = SmallGrey(previous, num_halvings);
+  grey_ = SmallGrey(picture, num_halvings_);
   cv::Mat allowed;
   if (!exclude.empty()) {
-    cv::resize(exclude, allowed, grey.size(), 0, 0, cv::INTER_NEAREST);
+    cv::resize(exclude, allowed, grey_.size(), 0, 0, cv::INTER_NEAREST);
     allowed = allowed == 0;
   }
+  const double min_distance = std::max(2.0, 0.02 * grey_.cols);
+  cv::goodFeaturesToTrack(grey_, points_, kMaxPoints, 0.01, min_distance, allowed);
+}
 
-  std::vector<cv::Point2f> points;
-  const double min_distance = std::max(2.0, 0.02 * grey.cols);
-  cv::goodFeaturesToTrack(grey, points, kMaxPoints, 0.01, min_distance, allowed);
-  if (points.size() < kMinPoints) return std::nullopt;
+std::optional<cv::Matx33d> BackgroundPoints::MotionTo(const cv::Mat& other) const {
+  CheckPicture(other, "previous picture");
+  if (other.size() != size_) {
+    throw Error(ErrorCode::kMismatch, "segmentation: the previous picture has another size");
+  }
+  if (points_.size() < kMinPoints) return std::nullopt;
   std::vector<cv::Point2f> tracked;
   std::vector<uint8_t> found;
-  cv::calcOpticalFlowPyrLK(grey, previous_grey, points, tracked, found, cv::noArray(), {15, 15}, 4,
+  cv::calcOpticalFlowPyrLK(grey_, SmallGrey(other, num_halvings_), points_, tracked, found,
+                           cv::noArray(), {15, 15}, 4,
                            {cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 10, 0.03});
   std::vector<cv::Point2f> from;
   std::vector<cv::Point2f> to;
-  for (size_t i = 0; i < points.size(); ++i) {
+  for (size_t i = 0; i < points_.size(); ++i) {
     if (!found[i]) continue;
-    from.push_back(points[i]);
+    from.push_back(points_[i]);
     to.push_back(tracked[i]);
   }
   if (from.size() < kMinPoints) return std::nullopt;
@@ -96,7 +95,7 @@ std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, con
   }
 
   // From the small pictures' pixels to the full ones': centres at integers, so (x + 1/2) scales.
-  const double block = 1 << num_halvings;
+  const double block = 1 << num_halvings_;
   const double centre = (block - 1) / 2;
   const cv::Matx33d full_from_small(block, 0, centre, 0, block, centre, 0, 0, 1);
   const cv::Matx33d h =
@@ -104,17 +103,22 @@ std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, con
 
   // A homography that folds or turns the picture is no motion between two frames of a video.
   const cv::Vec2d corners[] = {{0, 0},
-                               {current.cols - 1.0, 0},
-                               {0, current.rows - 1.0},
-                               {current.cols - 1.0, current.rows - 1.0}};
+                               {size_.width - 1.0, 0},
+                               {0, size_.height - 1.0},
+                               {size_.width - 1.0, size_.height - 1.0}};
   double largest = 0;
   for (const cv::Vec2d& corner : corners) {
     const double move = cv::norm(Apply(h, corner[0], corner[1]) - corner);
     if (!std::isfinite(move)) return std::nullopt;
     largest = std::max(largest, move);
   }
-  if (largest > 0.25 * std::max(current.cols, current.rows)) return std::nullopt;
+  if (largest > 0.25 * std::max(size_.width, size_.height)) return std::nullopt;
   return h;
+}
+
+std::optional<cv::Matx33d> EstimateBackgroundMotion(const cv::Mat& previous, const cv::Mat& current,
+                                                    const cv::Mat& exclude) {
+  return BackgroundPoints(current, exclude).MotionTo(previous);
 }
 
 }  // namespace mpc

@@ -151,18 +151,20 @@ WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& p
   WorldPlacement placement;
   const Base base = BaseFromCamera(camera, motion, poses.cols());
   Vector3d up = EstimateUp(character, poses, base, &placement);
-  const bool has_world = camera.has_extrinsics || !motion.empty();
-  if (has_world) up = SnappedToAxis(up);
+  if (camera.has_extrinsics) up = SnappedToAxis(up);
   const double floor = FloorHeight(character, poses, base, up, num_threads);
   placement.up_in_camera = base[0].rotation.transpose() * up;
-  if (has_world) {
-    placement.world_from_camera = base[0];
+  Rigid<WorldFrame, WorldFrame> world_from_base;
+  if (camera.has_extrinsics) {
     placement.scene_from_world = {.rotation = YUpFrom(up), .translation = {0, -floor, 0}};
   } else {
-    placement.world_from_camera = {.rotation = SceneFromCameraRotation(up),
-                                   .translation = {0, -floor, 0}};
+    world_from_base = {.rotation = SceneFromCameraRotation(up), .translation = {0, -floor, 0}};
   }
-  if (!motion.empty()) placement.moving_world_from_camera = base;
+  placement.world_from_camera = world_from_base * base[0];
+  if (motion.empty()) return placement;
+  for (const Rigid<WorldFrame, CameraFrame>& place : base) {
+    placement.moving_world_from_camera.push_back(world_from_base * place);
+  }
   return placement;
 }
 

@@ -15,6 +15,7 @@
 #include <string>
 #include <vector>
 
+#include "mpc/core/units.h"
 #include "mpc/eval/motions.h"
 #include "mpc/io/atomic_file.h"
 #include "mpc/io/bvh.h"
@@ -22,6 +23,7 @@
 #include "mpc/io/gltf.h"
 #include "mpc/io/mask_file.h"
 #include "mpc/io/pc2.h"
+#include "mpc/io/world_file.h"
 #include "mpc/render/lit_scene.h"
 #include "mpc/render/raster.h"
 #include "mpc/skeleton/character.h"
@@ -164,6 +166,51 @@ TEST_F(CommandTest, SynthWritesTheWholeTruth) {
     const cv::Mat drawn = MeshMask(camera, ToCamera(motion[f], x), character.mesh.triangles);
     EXPECT_GT(cv::countNonZero(drawn), 100);
     EXPECT_EQ(cv::countNonZero(drawn != mask), 0) << f;
+  }
+}
+
+// A camera of which only the lens is known: it pans, or it rests before a background that moves.
+TEST_F(CommandTest, CaptureFollowsACameraThatNobodyPlaced) {
+  for (const std::string camera : {"pan", "static"}) {
+    const fs::path clip = folder_ / camera;
+    ASSERT_EQ(RunCommand({"synth", "-o", clip.string(), "--seconds", "1.5", "--width", "320",
+                          "--height", "240", "--samples", "1", "--camera", camera, "--quiet"})
+                  .exit_code,
+              0);
+    const std::string places = (clip / "camera.json").string();
+    const std::vector<CameraFromWorld> truth = ReadCameraMotion(places);
+    Camera lens = ReadCamera(places);
+    lens.has_extrinsics = false;
+    WriteCameras(clip / "lens.json", {lens});
+    CaptureInputs inputs = {.video = clip / "clip.mp4",
+                            .actor = clip / "actor.glb",
+                            .camera = (clip / "lens.json").string(),
+                            .detections2d = clip / "detections2d.json",
+                            .detections3d = clip / "detections3d.json"};
+    std::vector<std::string> arguments = CaptureArguments(inputs, clip / "take");
+    arguments.insert(arguments.end(), {"--no-masks", "--no-overlay"});
+    const Outcome outcome = RunCommand(arguments);
+    ASSERT_EQ(outcome.exit_code, 0) << outcome.err;
+    const WorldPlacement world = ReadWorld(clip / "take" / "report.json");
+    if (camera == "static") {
+      EXPECT_TRUE(world.moving_world_from_camera.empty());
+      EXPECT_THAT(outcome.err, Not(HasSubstr("camera moves")));
+      continue;
+    }
+    EXPECT_THAT(outcome.err, HasSubstr("its turns"));
+    ASSERT_EQ(world.moving_world_from_camera.size(), truth.size());
+    const auto turn_between = [](const auto& first, const auto& last) {
+      return Eigen::Matrix3d(last.rotation * first.rotation.transpose());
+    };
+    const Eigen::Matrix3d turned = turn_between(truth.front(), truth.back());
+    EXPECT_GT(LogSO3(turned).norm(), 5 * kDegree);
+    const Eigen::Matrix3d found = turn_between(world.moving_world_from_camera.front().Inverse(),
+                                               world.moving_world_from_camera.back().Inverse());
+    EXPECT_LT(LogSO3(found * turned.transpose()).norm(), 0.5 * kDegree);
+
+    arguments.push_back("--still-camera");
+    ASSERT_EQ(RunCommand(arguments).exit_code, 0);
+    EXPECT_TRUE(ReadWorld(clip / "take" / "report.json").moving_world_from_camera.empty());
   }
 }
 

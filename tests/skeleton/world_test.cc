@@ -190,5 +190,25 @@ TEST_F(WorldTest, MovingCameraGivesTheSameWorld) {
   EXPECT_MPC_ERROR(PlaceInWorld(character_, seen, camera_, motion), kMismatch, "places for");
 }
 
+// Turns alone, of a camera that nobody placed: the scene is that of the camera in its first frame.
+TEST_F(WorldTest, TurningCameraWithoutExtrinsicsGivesTheSceneOfACameraAtRest) {
+  const Eigen::MatrixXd poses = PosesInCamera(MotionKind::kWalk, 0.3, 0.1);
+  const WorldPlacement standing = PlaceInWorld(character_, poses, camera_);
+  Eigen::MatrixXd seen(poses.rows(), poses.cols());
+  std::vector<CameraFromWorld> motion;
+  for (Eigen::Index f = 0; f < poses.cols(); ++f) {
+    const double t = 0.05 * static_cast<double>(f);
+    motion.push_back({.rotation = ExpSO3({0.2 * std::sin(t), 0.2 * t, 0.1 * std::sin(2 * t)})});
+    seen.col(f) = TransformPoses(motion.back().rotation, motion.back().translation, poses.col(f));
+  }
+  const WorldPlacement turning = PlaceInWorld(character_, seen, camera_, motion);
+  EXPECT_TRUE(turning.scene_from_world.rotation.isIdentity());
+  for (const Eigen::Index f : {Eigen::Index{0}, poses.cols() / 2, poses.cols() - 1}) {
+    const Vector3d x_standing = standing.scene_from_camera() * Vector3d(poses.col(f).head<3>());
+    const Vector3d x_turning = turning.SceneFromCamera(f) * Vector3d(seen.col(f).head<3>());
+    EXPECT_LT((x_standing - x_turning).norm(), 1e-5) << f;
+  }
+}
+
 }  // namespace
 }  // namespace mpc

@@ -50,6 +50,8 @@ struct CaptureOptions {
   bool overlay = true;       // write overlay.mp4
   bool masks = true;         // find silhouettes, refine what they show, write masks.mp4
   bool person_masks = true;  // the networks' masks, where they are run, help to find silhouettes
+  // Estimate how a camera turns whose place is not known, where it does not rest; the paper's rests.
+  bool camera_turns = true;
   ClipDetectorOptions detect;        // when no detections are given
   ClipRefinementOptions refinement;  // its num_threads is that of `pose`
   SurfaceTargets surface = SurfaceTargets::kKey;

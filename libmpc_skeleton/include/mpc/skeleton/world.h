@@ -60,7 +60,8 @@ struct WorldPlacement {
 // with extrinsics it snaps to the world's nearest axis within 25 degrees. The floor lies at the
 // 20th percentile over the frames of the mesh's lowest point. `poses` are N x F in the camera
 // frame. `motion` is where a moving camera is in each frame, in place of the camera's own
-// extrinsics; empty: it stands. Throws Error (kMismatch) when it has another length than F.
+// extrinsics (in the world where it has any, else in a frame whose axes are roughly the camera's);
+// empty: it stands. Throws Error (kMismatch) when it has another length than F.
 // O(F V); the result does not depend on num_threads.
 WorldPlacement PlaceInWorld(const Character& character, const Eigen::MatrixXd& poses,
                             const Camera& camera, std::span<const CameraFromWorld> motion = {},

@@ -206,7 +206,7 @@ TEST_F(CommandTest, CaptureFollowsACameraThatNobodyPlaced) {
     EXPECT_GT(LogSO3(turned).norm(), 5 * kDegree);
     const Eigen::Matrix3d found = turn_between(world.moving_world_from_camera.front().Inverse(),
                                                world.moving_world_from_camera.back().Inverse());
-    EXPECT_LT(LogSO3(found * turned.transpose()).norm(), 0.5 * kDegree);
+    EXPECT_LT(LogSO3(found * turned.transpose()).norm(), 1 * kDegree);  // 5 px here
 
     arguments.push_back("--still-camera");
     ASSERT_EQ(RunCommand(arguments).exit_code, 0);

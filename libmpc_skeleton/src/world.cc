@@ -36,6 +36,7 @@ Vector3d MedianDirection(const std::vector<Vector3d>& directions) {
   Vector3d median;
   for (int k = 0; k < 3; ++k) {
     std::vector<double> values;
+    values.reserve(directions.size());
     for (const Vector3d& d : directions) values.push_back(d[k]);
     median[k] = Percentile(std::move(values), 0.5);
   }

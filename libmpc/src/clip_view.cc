@@ -8,6 +8,7 @@ namespace mpc::internal {
 namespace {
 
 constexpr double kMinDepth = 0.1;  // metres
+constexpr int kMinSide = 128;      // of a halved picture
 constexpr double kOutlineSigmaPx = 1;
 constexpr double kSmallFrames = 0.1;  // share of frames in which the actor may be smaller
 
@@ -31,10 +32,11 @@ double ActorHeightPx(const PosedClip& clip) {
 ClipView::ClipView(const PosedClip& clip, double person_px)
     : camera(clip.camera), person_masks(clip.person_masks.begin(), clip.person_masks.end()) {
   if (person_px <= 0) return;
-  for (double height = ActorHeightPx(clip) / 2; height > person_px; height /= 2) ++num_halvings;
+  const int side = std::min(camera.width, camera.height);
+  double height = ActorHeightPx(clip);
+  while ((height /= 2) > person_px && side >> (num_halvings + 1) >= kMinSide) ++num_halvings;
   if (num_halvings == 0) return;
-  const auto halved = [&](int side) { return std::max(1, side >> num_halvings); };
-  camera = clip.camera.ScaledTo(halved(camera.width), halved(camera.height));
+  camera = clip.camera.ScaledTo(camera.width >> num_halvings, camera.height >> num_halvings);
   const Eigen::Array2d scale(camera.fx / clip.camera.fx, camera.fy / clip.camera.fy);
   for (PersonMask& mask : person_masks) {
     mask.region.center = (mask.region.center.array() + 0.5) * scale - 0.5;

@@ -17,7 +17,8 @@ struct ClipView {
   int num_halvings = 0;  // of the clip's pictures
   std::vector<PersonMask> person_masks;
 
-  // Pictures are halved as long as the actor stays taller than person_px in nine of ten frames; 0: never.
+  // Pictures are halved as long as the actor stays taller than person_px in nine of ten frames, and
+  // the pictures no smaller than 128 px; 0: never.
   explicit ClipView(const PosedClip& clip, double person_px = 0);
 
   // A picture of the clip as it is looked at; itself when it is not halved.

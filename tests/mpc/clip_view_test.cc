@@ -47,8 +47,8 @@ TEST_F(ClipViewTest, HalvesAsLongAsThePersonStaysTallEnough) {
   EXPECT_EQ(NumHalvings(200), 2);
   StandAt(4);
   EXPECT_EQ(NumHalvings(400), 0);
-  StandAt(0.5);
-  EXPECT_EQ(NumHalvings(400), 3);
+  StandAt(1);
+  EXPECT_EQ(NumHalvings(400), 2);
 }
 
 TEST_F(ClipViewTest, SomebodyWhoGoesFarAwayIsSeenAsLargeAsThere) {
@@ -59,12 +59,14 @@ TEST_F(ClipViewTest, SomebodyWhoGoesFarAwayIsSeenAsLargeAsThere) {
 }
 
 TEST_F(ClipViewTest, AnyPosesGiveAView) {
-  StandAt(0);
-  const ClipView view(clip(), 400);
-  EXPECT_GE(view.camera.width, 1);
-  EXPECT_GE(view.camera.height, 1);
-  StandAt(-3);
-  EXPECT_GE(ClipView(clip(), 400).camera.width, 1);
+  for (const double depth : {0.0, -3.0, 1e-9}) {
+    StandAt(depth);
+    EXPECT_EQ(ClipView(clip(), 400).camera.width, 250);  // not smaller than 128
+  }
+  camera_.width = 257;  // odd, and nearly too small
+  EXPECT_EQ(ClipView(clip(), 400).camera.width, 128);
+  camera_.width = 255;
+  EXPECT_EQ(NumHalvings(400), 0);
   poses_.resize(poses_.rows(), 0);
   EXPECT_EQ(NumHalvings(400), 0);
 }

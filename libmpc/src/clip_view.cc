@@ -7,8 +7,8 @@
 namespace mpc::internal {
 namespace {
 
-constexpr double kMinDepth = 0.1;  // metres
-constexpr int kMinSide = 128;      // of a halved picture
+constexpr double kNearest = 0.1;  // metres
+constexpr int kMinSide = 128;     // of a halved picture
 constexpr double kOutlineSigmaPx = 1;
 constexpr double kSmallFrames = 0.1;  // share of frames in which the actor may be smaller
 
@@ -19,7 +19,7 @@ double ActorHeightPx(const PosedClip& clip) {
   const double height = (rest.rowwise().maxCoeff() - rest.rowwise().minCoeff()).maxCoeff();
   std::vector<double> depths;
   for (Eigen::Index f = 0; f < clip.poses.cols(); ++f) {
-    depths.push_back(std::max(clip.poses(2, f), kMinDepth));
+    depths.push_back(std::max(clip.poses(2, f), kNearest));
   }
   const auto few = static_cast<std::ptrdiff_t>(kSmallFrames * static_cast<double>(depths.size()));
   const auto far = depths.end() - 1 - few;

@@ -101,7 +101,7 @@ std::optional<TurningCamera> FollowCamera(VideoReader video, const Camera& camer
   TurningCamera result;
   // What pictures are compared with, until they see little of the same background.
   std::optional<BackgroundPoints> key;
-  CameraFromWorld key_place;
+  int key_frame = 0;
   cv::Mat picture, before;
   const auto turn_to = [&](const cv::Mat& other) -> std::optional<CameraFromWorld> {
     const std::optional<cv::Matx33d> motion = key->MotionTo(other);
@@ -109,12 +109,13 @@ std::optional<TurningCamera> FollowCamera(VideoReader video, const Camera& camer
     if (!motion || Shift(*motion, other.size()) > far) return std::nullopt;
     const std::optional<Eigen::Matrix3d> turn = TurnOfHomography(*motion, camera);
     if (!turn) return std::nullopt;
-    return CameraFromWorld{.rotation = *turn * key_place.rotation,
-                           .translation = Eigen::Vector3d::Zero()};
+    return CameraFromWorld{
+        .rotation = *turn * result.places[static_cast<size_t>(key_frame)].rotation,
+        .translation = Eigen::Vector3d::Zero()};
   };
   const auto set_key = [&](const cv::Mat& at, int f) {
     key.emplace(at, PersonBox(detections.frames[static_cast<size_t>(f)], at.size()));
-    key_place = result.places[static_cast<size_t>(f)];
+    key_frame = f;
   };
   for (int f = 0; f < num_frames && video.Read(&picture); ++f) {
     if (f == 0) {
@@ -122,7 +123,7 @@ std::optional<TurningCamera> FollowCamera(VideoReader video, const Camera& camer
       set_key(picture, 0);
     } else {
       std::optional<CameraFromWorld> place = turn_to(picture);
-      if (!place) {
+      if (!place && key_frame != f - 1) {
         set_key(before, f - 1);
         place = turn_to(picture);
       }

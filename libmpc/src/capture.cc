@@ -164,20 +164,19 @@ std::vector<CameraFromWorld> FindCameraTurns(const CaptureInputs& inputs,
                                              const Detections2d& detections,
                                              const ProgressCallback& progress,
                                              CaptureReport* report) {
-  if (internal::CameraRests(background, BackgroundFrames(report->num_frames), detections))
-    return {};
+  const std::vector<int> frames = BackgroundFrames(report->num_frames);
+  if (internal::CameraRests(background, frames, detections)) return {};
   std::optional<internal::TurningCamera> turning = internal::FollowCamera(
       VideoReader(inputs.video, inputs.image_fps), report->camera, detections, progress);
   if (!turning) {
     throw Error(ErrorCode::kCancelled, "stopped while the camera's turns were looked for");
   }
   if (2 * turning->num_unseen > report->num_frames) return {};
-  report->warnings.push_back(
-      fmt::format("the camera moves and where it is was not given (\"frames\" of the camera file): "
-                  "its turns, up to "
-                  "{:.0f} degrees, were estimated from the background of {} of {} frames",
-                  turning->largest_rad / kDegree, report->num_frames - turning->num_unseen,
-                  report->num_frames));
+  report->warnings.push_back(fmt::format(
+      "the camera moves and where it is was not given (\"frames\" of the camera file): "
+      "its turns, up to {:.0f} degrees, were estimated from the background of {} of {} frames",
+      turning->largest_rad / kDegree, report->num_frames - turning->num_unseen,
+      report->num_frames));
   return std::move(turning->places);
 }
 

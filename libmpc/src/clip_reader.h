@@ -70,10 +70,13 @@ bool ForEachClipFrame(const PosedClip& clip, const ClipView& view, int num_threa
   for (int begin = 0; begin < num_frames;) {
     const int count = std::min(static_cast<int>(chunk.size()), num_frames - begin);
     for (int i = 0; i < count; ++i) reader.Read(&chunk[static_cast<size_t>(i)]);
+    ParallelFor(count, num_threads, [&](int i) {
+      ClipFrame& frame = chunk[static_cast<size_t>(i)];
+      frame.picture = view.Look(frame.whole);
+    });
     for (int i = 0; i < count; ++i) {
       ClipFrame& frame = chunk[static_cast<size_t>(i)];
       frame.index = begin + i;
-      frame.picture = view.Look(frame.whole);
       frame.previous = i > 0 ? chunk[static_cast<size_t>(i) - 1].picture : before;
     }
     if (begin == 0 && count > 1) chunk[0].previous = chunk[1].picture;

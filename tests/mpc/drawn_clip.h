@@ -18,8 +18,9 @@ namespace mpc::testing {
 
 struct DrawnClip {
   // The actor goes stride_m to the right from frame to frame, past the middle in the middle frame.
-  explicit DrawnClip(int num_frames = 9, double stride_m = 0)
-      : camera(SmallCamera(kWidth, kHeight)) {
+  // `size` times as large as kWidth x kHeight.
+  explicit DrawnClip(int num_frames = 9, double stride_m = 0, int size = 1)
+      : camera(SmallCamera(size * kWidth, size * kHeight)) {
     character = BuildCharacter(rig, MapRigByNames(rig));
     true_poses =
         TransformPoses(camera.camera_from_world.rotation, camera.camera_from_world.translation,
@@ -30,13 +31,13 @@ struct DrawnClip {
     }
     poses = true_poses;
     poses.row(0).array() += 0.02;  // to the right
-    background.create(kHeight, kWidth, CV_8UC3);
+    background.create(camera.height, camera.width, CV_8UC3);
     cv::RNG(3).fill(background, cv::RNG::NORMAL, 70, 8);
     MeshAppearance appearance;
     appearance.bgr = {120, 140, 230};
     KinematicState state;
     Eigen::Matrix3Xf vertices;
-    VideoWriter writer(video = folder / "drawn.mp4", kWidth, kHeight, kFps);
+    VideoWriter writer(video = folder / "drawn.mp4", camera.width, camera.height, kFps);
     MaskFolderWriter mask_writer(true_masks = folder / "true_masks");
     for (int f = 0; f < num_frames; ++f) {
       ForwardKinematics(character.skeleton, true_poses.col(f), &state);

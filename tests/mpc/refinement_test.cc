@@ -149,24 +149,29 @@ TEST_F(RefinementTest, CanBeStopped) {
 }
 
 TEST_F(RefinementTest, LargePicturesAreLookedAtInASmallerSize) {
+  const DrawnClip large(9, 0, 2);
+  PosedClip clip = large.clip();
+  clip.true_masks = large.true_masks;
   ClipRefinementOptions options;
-  options.person_px = 80;  // the person is about 200 px tall
-  const Delivered result = Refine(WithTruth(), options);
-  const int num_frames = static_cast<int>(clip_->poses.cols());
+  options.person_px = 100;  // the person is about 300 px tall
+  const Delivered result = Refine(clip, options);
+  const int num_frames = static_cast<int>(large.poses.cols());
   ASSERT_EQ(result.masks.size(), static_cast<size_t>(num_frames));
-  EXPECT_LT(RootError(result.refinement.poses), 0.6 * RootError(clip_->poses));
+  EXPECT_LT(RootError(result.refinement.poses), 0.6 * RootError(large.poses));
   double batch = 0, surface = 0;
   for (int f = 0; f < num_frames; ++f) {
     const RefinementRecord& record = result.refinement.frames[static_cast<size_t>(f)];
-    const cv::Mat& truth = clip_->truth[static_cast<size_t>(f)];
-    const cv::Mat mask = MeshMask(clip_->camera, result.vertices[static_cast<size_t>(f)],
-                                  clip_->character.mesh.triangles);
+    const cv::Mat& truth = large.truth[static_cast<size_t>(f)];
+    const cv::Mat mask = MeshMask(large.camera, result.vertices[static_cast<size_t>(f)],
+                                  large.character.mesh.triangles);
     EXPECT_NEAR(MaskIou(mask, truth), record.surface_true_iou, 1e-3);
     EXPECT_EQ(MaskIou(result.masks[static_cast<size_t>(f)], truth), record.silhouette.true_iou);
     batch += record.batch_true_iou / num_frames;
     surface += record.surface_true_iou / num_frames;
   }
   EXPECT_GT(surface, batch + 0.05);
+  options.person_px = 0;
+  EXPECT_FALSE(result.vertices[0] == Refine(clip, options).vertices[0]);  // it was another size
 }
 
 TEST_F(RefinementTest, OneFrameIsAClip) {

@@ -56,10 +56,10 @@ struct PoseTrack {
 };
 
 // Both detections have F frames; detections3d may be null (2D only). fps > 0. camera_motion: where a
-// moving camera is in each frame (F), in place of the camera's own extrinsics (in their world where it has any,
-// else in a frame whose axes are roughly the camera's); empty: it stands. Reports
-// progress as the stages "start" (frames), "proportions" (iterations) and "pose" (windows). Throws
-// Error: kInvalidArgument (options, camera, sizes), kMismatch (frame counts differ, nobody seen in any
+// moving camera is in each frame (F), in place of the camera's own extrinsics (in their world where
+// it has any, else in a frame whose axes are roughly the camera's); empty: it stands. Reports progress
+// as the stages "start" (frames), "proportions" (iterations) and "pose" (windows). Throws Error:
+// kInvalidArgument (options, camera, sizes), kMismatch (frame counts differ, nobody seen in any
 // frame). The result does not depend on options.num_threads.
 PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
                         const Detections2d& detections2d, const Detections3d* detections3d,

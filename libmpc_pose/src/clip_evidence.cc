@@ -34,7 +34,7 @@ constexpr double kMinError3dMm = 20;
 constexpr double kMaxError3dMm = 100;
 constexpr double kLastingError3dMm = 60;  // from here on they are discounted wholly
 constexpr double kAllOrNothing = 0.1;     // shares of white errors this near to 0 or 1 are that
-constexpr double kWhiteRestDiscount = 0.85;
+constexpr double kWhiteRestDiscount = 0.94;
 constexpr int kErrorFrames = 60;  // frames the 3D detections' error is measured on
 constexpr double kNoPck = 1e3;    // PCK of a frame that cannot be compared
 
@@ -201,11 +201,11 @@ ClipEvidence::ClipEvidence(const Skeleton& skeleton, const Camera& camera,
         detections3d == nullptr ? -1 : FindColumn(detections3d->joints, static_cast<JointId>(id));
   }
   SetSkeleton(skeleton);
-  rest_weights_.resize(static_cast<Eigen::Index>(skeleton_.hinges.size()));
+  rest_spreads_.resize(static_cast<Eigen::Index>(skeleton_.hinges.size()));
   for (size_t h = 0; h < skeleton_.hinges.size(); ++h) {
-    const double spread = FindPosture(skeleton_.hinges[h].name).spread_deg * kDegree;
-    rest_weights_[h] = options.weight_rest * kNoiseCost / (spread * spread);
+    rest_spreads_[h] = FindPosture(skeleton_.hinges[h].name).spread_deg * kDegree;
   }
+  rest_weights_ = options.weight_rest * kNoiseCost * rest_spreads_.array().square().inverse();
   // Errors are measured on what was detected, not on what repair made of it.
   if (detections3d != nullptr && options.error_3d_mm == 0) MeasureError3d();
   // A prior does not average out over frames as white errors do.
@@ -595,7 +595,11 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
   for (StandingJoint& joint : standing) joint.weight *= mean * gain_standing * gain_standing;
   problem.standing = StandingEnergy(std::move(standing), loss_width * kRobustStandingMm);
   if (options_.weight_rest > 0) {
-    problem.rest_prior = RestPriorEnergy(rest.tail(rest_weights_.size()), rest_weights_);
+    // Errors that average out need no prior to choose between limbs, and none that lets go of them.
+    const double width = loss_width * options_.robust_rest / std::max(1e-9, 1 - white_share_);
+    problem.rest_prior =
+        RestPriorEnergy(rest.tail(rest_weights_.size()), rest_weights_,
+                        width > 0 ? Eigen::VectorXd(width * rest_spreads_) : Eigen::VectorXd());
   }
   return problem;
 }

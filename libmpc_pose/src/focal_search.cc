@@ -16,6 +16,7 @@ namespace mpc {
 namespace {
 
 constexpr int kMaxFrames = 40;
+constexpr double kRestShare = 0.4;  // of the rest prior's weight, as squares
 constexpr double kUsualSigma = 0.3;
 // Tried: differences from the prior in log(focal), in its standard deviations. A parabola goes
 // through the results.
@@ -116,6 +117,9 @@ FocalEstimate EstimateFocal(const Skeleton& skeleton, int width, int height,
   quick.test_depth_flips = false;
   quick.hold_standing_feet = false;  // they stand where the focal length puts them
   quick.lasting_discount = 1;
+  // Limbs are not chosen here: a prior that lets go of them would go with mirrored ones.
+  quick.weight_rest *= kRestShare;
+  quick.robust_rest = 0;
 
   Camera camera = Camera::FromFov(width, height, kUsualFovRad);
   Eigen::MatrixX3d rows(kSteps.size(), 3);

@@ -27,6 +27,7 @@ PoseOptions PoseOptions::Paper() {
   options.hold_standing_feet = false;
   options.lasting_discount = 1;
   options.weight_rest = 0;
+  options.robust_rest = 0;
   options.fit_proportions = false;
   return options;
 }
@@ -62,6 +63,7 @@ void PoseOptions::Validate() const {
   require(lasting_discount >= 1 && lasting_discount <= 100,
           fmt::format("lasting_discount is {}, not in [1, 100]", lasting_discount));
   non_negative(weight_rest, "weight_rest");
+  non_negative(robust_rest, "robust_rest");
   if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "invalid pose options: " + faults);
 }
 

@@ -21,10 +21,10 @@ struct Costs {
   double rest = 0;
 };
 
-Costs CostsOf(const SyntheticClip& clip, const ClipEvidence& evidence) {
+Costs CostsOf(const SyntheticClip& clip, const ClipEvidence& evidence, double loss_width = 0) {
   const Eigen::VectorXd pose = clip.poses.col(5);
   const FrameProblem problem =
-      evidence.MakeProblem(evidence.Observe(0), 4, 0, RelaxedPose(clip.skeleton));
+      evidence.MakeProblem(evidence.Observe(0), 4, loss_width, RelaxedPose(clip.skeleton));
   FrameSolveScratch scratch;
   PosePoint& at = scratch.current;
   at.pose = pose;
@@ -58,6 +58,25 @@ TEST(ClipEvidenceTest, LargeErrorsThatLastAreDiscountedSmallOnesAreNot) {
   EXPECT_NEAR(BonesLeft(40), 1 / 4.0, 1e-9);  // errors count as twice as large
   EXPECT_NEAR(BonesLeft(60), 1 / 9.0, 1e-9);
   EXPECT_NEAR(BonesLeft(100), 1 / 9.0, 1e-9);
+}
+
+TEST(ClipEvidenceTest, FarFromRestCostsNoMoreThanSomeSpreads) {
+  SyntheticClip clip = MakeClip(MotionKind::kWalk, 20, 30, {}, 1);
+  clip.poses.bottomRows(clip.poses.rows() - 6).array() += 2;  // rad, every hinge
+  PoseOptions options = testing::PlainOptions();
+  options.weight_rest = 1;
+  options.robust_rest = 1.5;
+  const ClipEvidence robust(clip.skeleton, clip.camera, clip.detections.detections2d, nullptr,
+                            clip.fps, options);
+  options.robust_rest = 0;
+  const ClipEvidence plain(clip.skeleton, clip.camera, clip.detections.detections2d, nullptr,
+                           clip.fps, options);
+  const double most = 1.5 * 1.5 * kNoiseCost * static_cast<double>(clip.skeleton.hinges.size());
+  EXPECT_LT(CostsOf(clip, robust, 1).rest, most);
+  EXPECT_GT(CostsOf(clip, robust, 1).rest, most / 2);
+  EXPECT_GT(CostsOf(clip, plain, 1).rest, 2 * most);
+  // Plain squares where everything is.
+  EXPECT_EQ(CostsOf(clip, robust, 0).rest, CostsOf(clip, plain, 1).rest);
 }
 
 TEST(ClipEvidenceTest, WithoutThe3dNothingIsDiscounted) {

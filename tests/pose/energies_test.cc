@@ -174,6 +174,44 @@ TEST_F(EnergiesTest, TwiceTheWeightIsTwiceTheCost) {
   }
 }
 
+TEST_F(EnergiesTest, ARestPriorWithWidthsForgivesWhoIsFarFromRest) {
+  constexpr double kWeight = 3;
+  constexpr double kWidth = 0.4;
+  const Eigen::Index num_hinges = skeleton_.num_dofs() - 6;
+  const VectorXd rest = VectorXd::Constant(num_hinges, 0.1);
+  const VectorXd weights = VectorXd::Constant(num_hinges, kWeight);
+  const RestPriorEnergy plain(rest, weights);
+  const RestPriorEnergy robust(rest, weights, VectorXd::Constant(num_hinges, kWidth));
+  for (int i = 0; i < kPoints; ++i) {
+    const VectorXd pose = RandomPose();
+    CheckDerivative(robust, pose, 1e-6);
+    const VectorXd r = Residuals(robust, pose);
+    EXPECT_LT(r.squaredNorm(), Residuals(plain, pose).squaredNorm());
+    EXPECT_LT(r.array().square().maxCoeff(), kWeight * kWidth * kWidth);
+  }
+  VectorXd near = VectorXd::Zero(skeleton_.num_dofs());
+  near.tail(num_hinges) = rest.array() + 0.01;
+  EXPECT_NEAR(Residuals(robust, near).squaredNorm(), Residuals(plain, near).squaredNorm(),
+              2e-3 * Residuals(plain, near).squaredNorm());
+}
+
+TEST_F(EnergiesTest, ARestPriorOfSomeHingesIsTheirRows) {
+  const Eigen::Index num_hinges = skeleton_.num_dofs() - 6;
+  const RestPriorEnergy whole(VectorXd::Constant(num_hinges, 0.1),
+                              VectorXd::LinSpaced(num_hinges, 1, 2),
+                              VectorXd::LinSpaced(num_hinges, 0.2, 0.9));
+  const std::vector<int> hinges = {2, 7};
+  const VectorXd pose = RandomPose();
+  VectorXd part = VectorXd::Zero(6 + 2);
+  part[6] = pose[6 + 2];
+  part[7] = pose[6 + 7];
+  VectorXd r(2);
+  PosePoint at;
+  at.pose = part;
+  ASSERT_TRUE(whole.Restricted(hinges).Evaluate(at, 0, &r, nullptr));
+  EXPECT_EQ(r, VectorXd(Residuals(whole, pose)(hinges)));
+}
+
 TEST_F(EnergiesTest, AStandingJointIsHeldAlongItsRayOnly) {
   const VectorXd pose = RandomPose();
   const StandingEnergy energy = Standing(pose, 0);

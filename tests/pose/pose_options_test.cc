@@ -37,6 +37,7 @@ TEST(PoseOptionsTest, PaperHasThePapersValuesAndNothingOfOurs) {
   EXPECT_EQ(paper.robust_3d, 0);
   EXPECT_EQ(paper.lasting_discount, 1);
   EXPECT_EQ(paper.weight_rest, 0);
+  EXPECT_EQ(paper.robust_rest, 0);
 }
 
 TEST(PoseOptionsTest, EveryFaultIsNamed) {
@@ -57,10 +58,11 @@ TEST(PoseOptionsTest, EveryFaultIsNamed) {
   options.pck_threshold = -1;
   options.lasting_discount = 0.5;
   options.weight_rest = -1;
+  options.robust_rest = -1;
   for (const std::string name :
        {"window_frames", "overlap_frames", "basis_size", "cutoff_hz", "weight_smooth",
         "lambda_translation", "lambda_rotation", "lambda_angles", "weight_3d is", "robust_2d",
-        "robust_3d", "pck_threshold", "lasting_discount", "weight_rest"}) {
+        "robust_3d", "pck_threshold", "lasting_discount", "weight_rest", "robust_rest"}) {
     EXPECT_MPC_ERROR(options.Validate(), kInvalidArgument, name);
   }
 }

@@ -133,6 +133,7 @@ class ClipEvidence {
   double white_share_ = 0;
   double lasting_weight_ = 1;
   double error_white_mm_ = 0;                    // that part across the ray, per axis
+  Eigen::VectorXd rest_spreads_;                 // per hinge, rad
   Eigen::VectorXd rest_weights_;                 // per hinge, per rad^2
   std::array<int, kNumJointIds> joint_index_{};  // into Skeleton::joints, -1: not there
   std::array<int, kNumJointIds> column3d_{};     // into Detections3d::joints, -1: not there

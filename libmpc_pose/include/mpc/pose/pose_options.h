@@ -43,7 +43,8 @@ struct PoseOptions {
   // ours: factor on 3D errors that last, and on the rest prior's variance, once limbs are chosen;
   // 1: paper. In [1, 100]
   double lasting_discount = 2;
-  double weight_rest = 0.6;  // ours: rest prior, over a joint's usual spread; 0: paper
+  double weight_rest = 1.5;  // ours: rest prior, over a joint's usual spread; 0: paper
+  double robust_rest = 1.5;  // Geman-McClure scale of it, in usual spreads, 0: plain squares
 
   bool fit_proportions = true;  // ours: body proportions estimated once per clip; false: paper
 

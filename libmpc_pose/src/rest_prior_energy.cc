@@ -4,8 +4,8 @@
 
 namespace mpc {
 
-RestPriorEnergy::RestPriorEnergy(Eigen::VectorXd rest_rad, Eigen::VectorXd weights,
-                                 Eigen::VectorXd widths_rad)
+RestPriorEnergy::RestPriorEnergy(Eigen::VectorXd rest_rad, const Eigen::VectorXd& weights,
+                                 const Eigen::VectorXd& widths_rad)
     : rest_rad_(std::move(rest_rad)),
       sqrt_weights_(weights.cwiseSqrt()),
       inverse_widths_(Eigen::VectorXd::Zero(rest_rad_.size())) {

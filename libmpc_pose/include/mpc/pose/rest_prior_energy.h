@@ -15,8 +15,8 @@ class RestPriorEnergy {
  public:
   RestPriorEnergy() = default;
   // One entry per hinge; empty widths: plain squares.
-  RestPriorEnergy(Eigen::VectorXd rest_rad, Eigen::VectorXd weights,
-                  Eigen::VectorXd widths_rad = {});
+  RestPriorEnergy(Eigen::VectorXd rest_rad, const Eigen::VectorXd& weights,
+                  const Eigen::VectorXd& widths_rad = {});
 
   // The rows of some hinges only.
   RestPriorEnergy Restricted(const std::vector<int>& hinges) const;

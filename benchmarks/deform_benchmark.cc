@@ -103,7 +103,7 @@ void RunSolver(benchmark::State& state, const Solve& solve) {
       mpc::PoseRefinementOptions().correspondences, &scene.scratch);
   const mpc::RefinementProblem problem(
       DenseActor(), mpc::ContourEnergy(scene.camera, found, 20),
-      mpc::StabilityEnergy(DenseActor().skeleton, scene.start, 0.06));
+      mpc::StabilityEnergy(DenseActor().skeleton, scene.start, 0.06, 0.95));
   mpc::RefinementSolve result;
   for (auto _ : state) {
     Eigen::VectorXd pose = scene.start;

@@ -7,6 +7,7 @@
 #include <deque>
 #include <utility>
 
+#include "clip_reader.h"
 #include "clip_view.h"
 #include "mpc/core/error.h"
 #include "mpc/deform/refinement_smoother.h"
@@ -46,6 +47,7 @@ constexpr double kUsualError2dMm = 7;  // that w_stab was chosen for
 FrameRefinementOptions HeldBy(double error_2d_mm, FrameRefinementOptions options) {
   const double gain = std::max(1.0, kUsualError2dMm / error_2d_mm);
   options.pose.weight_stab *= gain * gain;
+  options.pose.depth_deviation /= gain * gain;
   return options;
 }
 
@@ -144,7 +146,7 @@ ClipRefinement RefineClip(const PosedClip& clip, const ClipRefinementOptions& op
   refinement.poses = clip.poses;
   if (!background) return refinement;
   const Stage stage(clip, view, options, std::move(*background));
-  RefinementSmoother smoother(clip.character, options.smoothing);
+  RefinementSmoother smoother(clip.character, internal::OpenVideo(clip).fps(), options.smoothing);
   const int num_frames = static_cast<int>(clip.poses.cols());
   const int num_threads = options.silhouettes.num_threads;
 

@@ -16,6 +16,17 @@ namespace mpc {
 namespace {
 
 constexpr double kLeastRobust_m = 0.01;
+constexpr double kLeastKept = 0.01;         // an outline may say nothing of the depth
+constexpr double kIndependentPoints = 160;  // of an outline, as far as they tell a depth
+
+// What is kept of E_stab on a common move along the ray makes it the prior that belongs to E_con: one
+// over the variance of the batch's depth, beside one over that of the outline's distances.
+double FreeDepth(const PoseRefinementOptions& options, double error_px, double depth_m) {
+  if (options.depth_deviation == 0) return 0;
+  const double deviation_mm = 1000 * depth_m * options.depth_deviation;
+  const double kept = error_px / deviation_mm / std::sqrt(kIndependentPoints);
+  return 1 - std::clamp(kept / std::sqrt(options.weight_stab), kLeastKept, 1.0);
+}
 
 // Moves the outline's vertices, and their pixels, to where they are now.
 void Repose(const Camera& camera, const Character& character, const KinematicState& state,
@@ -35,6 +46,7 @@ void Repose(const Camera& camera, const Character& character, const KinematicSta
 
 PoseRefinementOptions PoseRefinementOptions::Paper() {
   PoseRefinementOptions options;
+  options.depth_deviation = 0;
   options.refresh_outline = true;
   options.robust_m = 0;
   options.correspondences = CorrespondenceOptions::Paper();
@@ -54,6 +66,7 @@ void PoseRefinementOptions::Validate() const {
   check(num_iterations >= 1, "num_iterations", num_iterations, "at least 1");
   check(weight_stab > 0 && std::isfinite(weight_stab), "weight_stab", weight_stab,
         "a positive number");
+  check(depth_deviation >= 0 && depth_deviation <= 1, "depth_deviation", depth_deviation, "0 to 1");
   check(robust_deviations > 0, "robust_deviations", robust_deviations, "a positive number");
   check(robust_m >= 0 && std::isfinite(robust_m), "robust_m", robust_m, "at least 0");
   check(relative_tolerance > 0, "relative_tolerance", relative_tolerance, "a positive number");
@@ -93,7 +106,6 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
   KinematicState state;
   ForwardKinematics(skeleton, batch_pose, &state);
   const ContourIndex outline = IndexSilhouette(silhouette, camera);
-  const StabilityEnergy stability(skeleton, batch_pose, options_.weight_stab);
   const double px_per_m = 1920.0 / std::max(camera.width, camera.height) *
                           std::max(camera.fx, camera.fy) / std::abs(batch_pose[2]);
 
@@ -102,6 +114,7 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
   Eigen::VectorXd pose = batch_pose;
   Eigen::Matrix3Xf vertices;
   ModelBoundary model;
+  double free_depth = 0;
   for (int i = 0; i < options_.num_iterations; ++i) {
     if (i > 0) ForwardKinematics(skeleton, pose, &state);
     if (i == 0 || options_.refresh_outline) {
@@ -121,6 +134,10 @@ PoseRefinement PoseRefiner::Refine(const Camera& camera, const Eigen::VectorXd& 
     const double robust_m =
         std::min(options_.robust_m,
                  std::max(RobustScale(found, options_.robust_deviations), kLeastRobust_m));
+    if (i == 0) {
+      free_depth = FreeDepth(options_, px_per_m * RobustScale(found, 1), std::abs(batch_pose[2]));
+    }
+    const StabilityEnergy stability(skeleton, batch_pose, options_.weight_stab, free_depth);
     const RefinementProblem problem(*character_, ContourEnergy(camera, found, robust_m * px_per_m),
                                     stability);
     const RefinementSolve solve =

@@ -69,6 +69,7 @@ void Turn(const Character& character, const KinematicState& state, bool inverse,
 SmoothingOptions SmoothingOptions::Paper() {
   SmoothingOptions options;
   options.degree = 1;
+  options.depth_seconds = 0;
   return options;
 }
 
@@ -79,6 +80,10 @@ void SmoothingOptions::Validate() const {
   }
   if (degree < 0 || degree > 2) {
     faults += fmt::format("{}degree is {}, expected 0 to 2", faults.empty() ? "" : "; ", degree);
+  }
+  if (!(depth_seconds >= 0 && depth_seconds <= 10)) {
+    faults += fmt::format("{}depth_seconds is {}, expected 0 to 10", faults.empty() ? "" : "; ",
+                          depth_seconds);
   }
   if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "smoothing: " + faults);
 }
@@ -110,6 +115,23 @@ Eigen::VectorXd SmoothingWeights(const std::vector<bool>& usable, const Smoothin
     weights(frames).setConstant((1 - distance / (reach + 1)) / static_cast<double>(frames.size()));
   }
   return weights;
+}
+
+double SmoothedMiddle(const Eigen::VectorXd& values) {
+  const Eigen::Index middle = values.size() / 2;
+  if (std::isnan(values[middle])) return values[middle];
+  Eigen::Matrix2d moments = Eigen::Matrix2d::Zero();
+  Eigen::Vector2d sums = Eigen::Vector2d::Zero();
+  for (Eigen::Index i = 0; i < values.size(); ++i) {
+    if (std::isnan(values[i])) continue;
+    const double time = static_cast<double>(i - middle) / static_cast<double>(middle + 1);
+    const double weight = (1 - time * time) * (1 - time * time);
+    const Eigen::Vector2d powers(1, time);
+    moments += weight * powers * powers.transpose();
+    sums += weight * values[i] * powers;
+  }
+  // One value alone says nothing of a slope.
+  return moments.completeOrthogonalDecomposition().solve(sums)[0];
 }
 
 Eigen::MatrixXd SmoothPoses(const Skeleton& skeleton, const Eigen::MatrixXd& batch,

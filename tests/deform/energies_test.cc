@@ -112,7 +112,7 @@ TEST_F(PoseEnergies, TwiceTheWeightIsTwiceTheCost) {
   EXPECT_NEAR(Residuals(ContourEnergy(camera_, exact_, 0), pose).squaredNorm(), 2 * contour,
               1e-9 * contour);
   const auto stability = [&](double weight) {
-    return Residuals(StabilityEnergy(Actor().skeleton, truth_, weight), pose).squaredNorm();
+    return Residuals(StabilityEnergy(Actor().skeleton, truth_, weight, 0.9), pose).squaredNorm();
   };
   EXPECT_NEAR(stability(0.12), 2 * stability(0.06), 1e-9 * stability(0.06));
 }
@@ -145,16 +145,36 @@ TEST_F(PoseEnergies, AVertexBehindTheCameraIsRefused) {
 }
 
 TEST_F(PoseEnergies, StabilityEnergyHasTheRightDerivatives) {
-  CheckEnergy(StabilityEnergy(Actor().skeleton, truth_, 0.06), truth_, 1e-6);
+  CheckEnergy(StabilityEnergy(Actor().skeleton, truth_, 0.06, 0), truth_, 1e-6);
+  CheckEnergy(StabilityEnergy(Actor().skeleton, truth_, 0.06, 0.9), truth_, 1e-6);
 }
 
 TEST_F(PoseEnergies, StabilityEnergyIsEquation12) {
-  const StabilityEnergy energy(Actor().skeleton, truth_, 0.06);
+  const StabilityEnergy energy(Actor().skeleton, truth_, 0.06, 0);
   EXPECT_EQ(energy.num_residuals(), 3 * kNumPaperJoints);
   EXPECT_EQ(Residuals(energy, truth_).norm(), 0);
   VectorXd aside = truth_;
   aside.head<3>() += Eigen::Vector3d(0.003, 0, 0.004);  // 5 mm
   EXPECT_NEAR(Residuals(energy, aside).squaredNorm(), 0.06 * 25, 1e-9);
+}
+
+// Of the actor as a whole, and of nothing else.
+TEST_F(PoseEnergies, StabilityEnergyLeavesDepthFree) {
+  const StabilityEnergy energy(Actor().skeleton, truth_, 0.06, 0.9);
+  const Eigen::Vector3d ray =
+      at_truth_.state.joints.leftCols(kNumPaperJoints).rowwise().mean().normalized();
+  const auto moved = [&](const Eigen::Vector3d& step) {
+    VectorXd pose = truth_;
+    pose.head<3>() += step;
+    return Residuals(energy, pose).squaredNorm();
+  };
+  EXPECT_NEAR(moved(0.005 * ray), 0.01 * 0.06 * 25, 1e-9);
+  EXPECT_NEAR(moved(0.005 * ray.unitOrthogonal()), 0.06 * 25, 1e-9);
+  VectorXd turned = truth_;
+  turned.tail(turned.size() - 6).array() += 0.05;
+  const double paper =
+      Residuals(StabilityEnergy(Actor().skeleton, truth_, 0.06, 0), turned).squaredNorm();
+  EXPECT_GT(Residuals(energy, turned).squaredNorm(), 0.5 * paper);
 }
 
 }  // namespace

@@ -65,6 +65,22 @@ TEST_F(PoseRefinementTest, OverlapRisesAndJointsComeNearer) {
   }
 }
 
+// The outline is larger or smaller than it should be; the paper holds the depth in millimetres.
+TEST_F(PoseRefinementTest, TheOutlineTellsTheDepth) {
+  const Contour2d silhouette = Silhouette(truth_);
+  const Eigen::Vector3d ray = truth_.head<3>().normalized();
+  for (const double off : {-0.08, 0.08}) {
+    VectorXd start = truth_;
+    start.head<3>() += off * ray;
+    const auto left = [&](const PoseRefinementOptions& options) {
+      return std::abs(
+          ray.dot(Refine(start, silhouette, options).pose.head<3>() - truth_.head<3>()));
+    };
+    EXPECT_LT(left({}), 0.02) << off;
+    EXPECT_GT(left(PoseRefinementOptions::Paper()), 0.06) << off;
+  }
+}
+
 TEST_F(PoseRefinementTest, TheTruthStays) {
   const PoseRefinement result = Refine(truth_, Silhouette(truth_));
   EXPECT_EQ(result.state, RefinementState::kRefined);

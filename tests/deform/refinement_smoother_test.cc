@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <vector>
 
 #include "mpc/eval/motions.h"
@@ -11,12 +12,14 @@
 namespace mpc {
 namespace {
 
+constexpr double kFps = 24;
+
 class RefinementSmootherTest : public ::testing::Test {
  protected:
   RefinementSmootherTest() {
     const RigAsset rig = testing::MakeTestRig();
     character_ = BuildCharacter(rig, MapRigByNames(rig));
-    batch_ = MakeMotion(character_.skeleton, MotionKind::kWalk, 0.5, 24);
+    batch_ = MakeMotion(character_.skeleton, MotionKind::kWalk, 0.5, kFps);
     refined_ = batch_;
     for (Eigen::Index f = 0; f < batch_.cols(); ++f) {
       refined_.col(f).head<3>() += 0.01 * Eigen::Vector3d::Random();
@@ -40,10 +43,11 @@ class RefinementSmootherTest : public ::testing::Test {
 
 // Frame by frame it gives what smoothing the whole clip gives, and no frame comes too early.
 TEST_F(RefinementSmootherTest, StreamsWhatTheWholeClipGives) {
-  const SmoothingOptions options;
+  SmoothingOptions options;
+  options.depth_seconds = 0;
   const Eigen::MatrixXd expected =
       SmoothPoses(character_.skeleton, batch_, refined_, is_refined_, options);
-  RefinementSmoother smoother(character_, options);
+  RefinementSmoother smoother(character_, kFps, options);
   SmoothedFrame frame;
   Eigen::Index next = 0;
   for (Eigen::Index f = 0; f < batch_.cols(); ++f) {
@@ -64,7 +68,9 @@ TEST_F(RefinementSmootherTest, StreamsWhatTheWholeClipGives) {
 
 // A displacement that is constant on the body comes back on the smoothed pose.
 TEST_F(RefinementSmootherTest, DisplacementsMoveWithTheBody) {
-  RefinementSmoother smoother(character_, {});
+  SmoothingOptions options;
+  options.depth_seconds = 0;
+  RefinementSmoother smoother(character_, kFps, options);
   const Eigen::Index num_vertices = character_.mesh.positions.cols();
   Eigen::Matrix3Xf at_bind(3, num_vertices);
   at_bind.colwise() = Eigen::Vector3f(0.01f, -0.02f, 0.03f);
@@ -90,8 +96,73 @@ TEST_F(RefinementSmootherTest, DisplacementsMoveWithTheBody) {
   EXPECT_EQ(count, batch_.cols());
 }
 
+// An actor that silhouettes put nearer and farther from frame to frame is put in between, and looks
+// as it did from the camera.
+TEST_F(RefinementSmootherTest, DepthIsSmoothedAlongTheRay) {
+  batch_ = TransformPoses(Eigen::Matrix3d::Identity(), {0, -1, 4}, batch_.col(0).replicate(1, 24));
+  refined_ = batch_;
+  const SmoothingOptions options;
+  RefinementSmoother smoother(character_, kFps, options);
+  const int reach = static_cast<int>(std::lround(kFps * options.depth_seconds)) + 4;
+  const auto depth_of = [](const Eigen::VectorXd& pose) { return pose.head<3>().norm(); };
+  const auto posed = [&](const Eigen::VectorXd& pose) {
+    KinematicState state;
+    ForwardKinematics(character_.skeleton, pose, &state);
+    Eigen::Matrix3Xf vertices;
+    SkinCharacter(character_, state, &vertices);
+    return vertices;
+  };
+  SmoothedFrame frame;
+  Eigen::Index count = 0;
+  double rough = 0, smooth = 0, smooth_ends = 0, off_picture = 0, off_centre = 0;
+  const auto pop = [&] {
+    while (smoother.Pop(&frame)) {
+      const double mean = depth_of(batch_.col(0)) - 0.1;
+      rough = std::max(rough, std::abs(depth_of(refined_.col(count)) - mean));
+      // At an end of the clip there are neighbours on one side only.
+      const bool inside = count >= 5 && count < batch_.cols() - 5;
+      (inside ? smooth : smooth_ends) =
+          std::max(inside ? smooth : smooth_ends, std::abs(depth_of(frame.pose) - mean));
+      const Eigen::Matrix3Xf expected = posed(batch_.col(0));
+      off_picture = std::max<double>(
+          off_picture, (frame.vertices.colwise().hnormalized() - expected.colwise().hnormalized())
+                           .colwise()
+                           .norm()
+                           .maxCoeff());
+      off_centre = std::max<double>(
+          off_centre,
+          (frame.pose.head<3>().normalized() - batch_.col(0).head<3>().normalized()).norm());
+      ++count;
+    }
+  };
+  for (Eigen::Index f = 0; f < batch_.cols(); ++f) {
+    const double scale = 1 - (f % 2 == 0 ? 0.13 : 0.07) / depth_of(batch_.col(0));
+    FrameRefinement refinement;
+    refinement.pose_state = RefinementState::kRefined;
+    refined_.col(f).head<3>() *= scale;
+    refinement.pose = refined_.col(f);
+    // The surface fills the outline at whatever depth the skeleton is.
+    refinement.displacements =
+        static_cast<float>(scale) * posed(batch_.col(f)) - posed(refined_.col(f));
+    KinematicState state;
+    ForwardKinematics(character_.skeleton, refinement.pose, &state);
+    TurnToBind(character_, state, &refinement.displacements);
+    smoother.Push(batch_.col(f), std::move(refinement));
+    pop();
+    EXPECT_EQ(count, std::max<Eigen::Index>(0, f + 1 - reach)) << f;
+  }
+  smoother.End();
+  pop();
+  EXPECT_EQ(count, batch_.cols());
+  EXPECT_NEAR(rough, 0.03, 1e-3);
+  EXPECT_LT(smooth, 0.003);
+  EXPECT_LT(smooth_ends, 0.015);
+  EXPECT_LT(off_picture, 2e-3);
+  EXPECT_LT(off_centre, 2e-3);
+}
+
 TEST_F(RefinementSmootherTest, AnEmptyClipGivesNothing) {
-  RefinementSmoother smoother(character_, {});
+  RefinementSmoother smoother(character_, kFps, {});
   SmoothedFrame frame;
   EXPECT_FALSE(smoother.Pop(&frame));
   smoother.End();

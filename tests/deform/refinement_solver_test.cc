@@ -21,7 +21,7 @@ class RefinementSolver : public ::testing::Test {
                                  IndexSilhouette(silhouette_, camera_),
                                  PoseRefinementOptions().correspondences, &scratch);
     return RefinementProblem(Actor(), ContourEnergy(camera_, found_, robust_px),
-                             StabilityEnergy(Actor().skeleton, start, 0.06));
+                             StabilityEnergy(Actor().skeleton, start, 0.06, 0.95));
   }
 
   Camera camera_ = testing::Camera1080();

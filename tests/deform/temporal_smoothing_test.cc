@@ -53,6 +53,27 @@ TEST(SmoothingWeights, ACorrectionFadesWhereRefinementWasRefused) {
   EXPECT_EQ(total({0, 0, 0, 0, 0}), 0);
 }
 
+TEST(SmoothedMiddle, IsThatOfALine) {
+  constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+  VectorXd line(7);
+  line << 1, 3, 5, 7, 9, 11, 13;
+  EXPECT_NEAR(SmoothedMiddle(line), 7, 1e-12);
+  line[0] = line[4] = line[5] = kUnknown;
+  EXPECT_NEAR(SmoothedMiddle(line), 7, 1e-12);
+  line.head<3>().setConstant(kUnknown);  // beside the end of a clip
+  EXPECT_NEAR(SmoothedMiddle(line), 7, 1e-12);
+  line[6] = kUnknown;
+  EXPECT_EQ(SmoothedMiddle(line), 7);
+  line[3] = kUnknown;
+  EXPECT_TRUE(std::isnan(SmoothedMiddle(line)));
+  VectorXd spike = VectorXd::Zero(7);
+  spike[3] = 1;
+  const double middle = SmoothedMiddle(spike);
+  spike << 1, 0, 0, 0, 0, 0, 0;
+  EXPECT_GT(middle, 3 * SmoothedMiddle(spike));
+  EXPECT_LT(middle, 0.5);
+}
+
 TEST(SmoothingWeights, BadInputIsRefused) {
   EXPECT_MPC_ERROR(SmoothingWeights({1, 1, 1}, kMean), kInvalidArgument, "window of 3");
   EXPECT_MPC_ERROR(SmoothingWeights({1, 1}, {.window_frames = 2, .degree = 3}), kInvalidArgument,

@@ -19,6 +19,9 @@ namespace mpc {
 struct PoseRefinementOptions {
   int num_iterations = 3;     // of correspondences and solution, >= 1; paper
   double weight_stab = 0.06;  // w_stab; paper
+  // Standard deviation of the batch's depth of the whole actor, in its distance from the camera. E_stab
+  // leaves that move free so far as the outline tells it better; 0: not at all (paper). In [0, 1].
+  double depth_deviation = 0.01;
   // Scale of the robust loss on distances from the silhouette: so many of their standard deviations
   // in the frame, at least 1 cm and at most robust_m, m at the actor; robust_m 0: squares (paper).
   double robust_deviations = 4;

@@ -20,8 +20,9 @@ struct SmoothedFrame {
 
 class RefinementSmoother {
  public:
-  // Refers to `character`, which must outlive it. Throws Error (kInvalidArgument) for bad options.
-  RefinementSmoother(const Character& character, const SmoothingOptions& options);
+  // fps: frames per second. Refers to `character`, which must outlive it. Throws Error
+  // (kInvalidArgument) for bad options.
+  RefinementSmoother(const Character& character, double fps, const SmoothingOptions& options);
 
   // The next frame.
   void Push(const Eigen::VectorXd& batch_pose, FrameRefinement frame);
@@ -35,14 +36,23 @@ class RefinementSmoother {
  private:
   struct Entry {
     Eigen::VectorXd batch_pose;
-    FrameRefinement refinement;
+    FrameRefinement refinement;  // its depth smoothed before depth_next_
+    Eigen::Vector3d centre;      // of the refined joints
+    double depth;                // m away from the camera by the refinement; NaN: not refined
+    double shift;                // m, by the smoothing of that
   };
+
+  void SmoothDepth();
+  const Entry& entry(int f) const { return window_[static_cast<size_t>(f - first_)]; }
+  int end() const { return first_ + static_cast<int>(window_.size()); }  // of what was pushed
 
   const Character* character_;
   SmoothingOptions options_;
+  int depth_reach_;
   std::deque<Entry> window_;  // frames first_ to first_ + size - 1
   int first_ = 0;
-  int next_ = 0;  // to come out
+  int depth_next_ = 0;  // whose depth is to be smoothed
+  int next_ = 0;        // to come out
   bool ended_ = false;
 };
 

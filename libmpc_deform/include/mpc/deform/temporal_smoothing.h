@@ -21,6 +21,9 @@ struct SmoothingOptions {
   // window, the paper's, which flattens fast motion; both follow a trend at the ends of a clip, where
   // the window has one side only.
   int degree = 2;
+  // Seconds to either side over which the depth that silhouettes gave the whole actor is smoothed
+  // first, at most 16 frames: it is the least certain of what they say. 0: not at all (paper).
+  double depth_seconds = 0.2;
 
   // The mean of the window.
   static SmoothingOptions Paper();
@@ -35,6 +38,11 @@ struct SmoothingOptions {
 // one side they fade to zero over the reach of the window: a correction ends gently where
 // refinement was refused. Throws Error (kInvalidArgument) for a wrong size.
 Eigen::VectorXd SmoothingWeights(const std::vector<bool>& usable, const SmoothingOptions& options);
+
+// The value in the middle of a line through an odd number of values at even steps, weighted by a
+// biweight kernel that ends just beyond them; NaN stands for values that are not known. NaN when none
+// is known in the middle.
+double SmoothedMiddle(const Eigen::VectorXd& values);
 
 // Smoothed poses, N x F, within the skeleton's bounds: translation and angles linearly, rotations of
 // the root on SO(3). Where is_refined is false `refined` is not read: the frame first gets the

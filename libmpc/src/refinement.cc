@@ -43,7 +43,7 @@ namespace {
 constexpr double kUsualError2dMm = 7;  // that w_stab was chosen for
 
 // The batch's poses are as good as the detections they follow: where those err less than the best
-// networks, E_stab gets their precision.
+// networks, E_stab gets their precision, and their depth is the more certain.
 FrameRefinementOptions HeldBy(double error_2d_mm, FrameRefinementOptions options) {
   const double gain = std::max(1.0, kUsualError2dMm / error_2d_mm);
   options.pose.weight_stab *= gain * gain;

@@ -38,7 +38,7 @@ RefinementSmoother::RefinementSmoother(const Character& character, double fps,
 
 void RefinementSmoother::Push(const Eigen::VectorXd& batch_pose, FrameRefinement frame) {
   Entry entry = {batch_pose, std::move(frame), Eigen::Vector3d::Zero(), kUnknown, 0};
-  if (entry.refinement.pose_state == RefinementState::kRefined) {
+  if (depth_reach_ > 0 && entry.refinement.pose_state == RefinementState::kRefined) {
     entry.centre = Centre(character_->skeleton, entry.refinement.pose);
     const Eigen::Vector3d moved = entry.centre - Centre(character_->skeleton, batch_pose);
     entry.depth = entry.centre.normalized().dot(moved);
@@ -49,16 +49,15 @@ void RefinementSmoother::Push(const Eigen::VectorXd& batch_pose, FrameRefinement
 // Of the next frame, along the ray to its actor.
 void RefinementSmoother::SmoothDepth() {
   Entry& middle = window_[static_cast<size_t>(depth_next_ - first_)];
+  const int begin = depth_next_ - depth_reach_;
+  ++depth_next_;
+  if (std::isnan(middle.depth)) return;
   Eigen::VectorXd depths(2 * depth_reach_ + 1);
   for (int i = 0; i < depths.size(); ++i) {
-    const int f = depth_next_ - depth_reach_ + i;
-    depths[i] = f < 0 || f >= end() ? kUnknown : entry(f).depth;
+    depths[i] = begin + i < 0 || begin + i >= end() ? kUnknown : entry(begin + i).depth;
   }
-  if (depth_reach_ > 0 && !std::isnan(middle.depth)) {
-    middle.shift = SmoothedMiddle(depths) - middle.depth;
-    middle.refinement.pose.head<3>() += middle.shift * middle.centre.normalized();
-  }
-  ++depth_next_;
+  middle.shift = SmoothedMiddle(depths) - middle.depth;
+  middle.refinement.pose.head<3>() += middle.shift * middle.centre.normalized();
 }
 
 bool RefinementSmoother::Pop(SmoothedFrame* frame) {

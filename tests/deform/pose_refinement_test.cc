@@ -251,6 +251,9 @@ TEST_F(PoseRefinementTest, BadInputIsRefused) {
   EXPECT_MPC_ERROR(PoseRefiner(Actor(), options), kInvalidArgument,
                    "num_iterations is 0, expected at least 1; weight_stab is -1");
   options = {};
+  options.depth_deviation = -1;
+  EXPECT_MPC_ERROR(PoseRefiner(Actor(), options), kInvalidArgument, "depth_deviation is -1");
+  options = {};
   options.correspondences.max_distance_m = -1;
   EXPECT_MPC_ERROR(PoseRefiner(Actor(), options), kInvalidArgument, "max_distance_m");
   PoseRefinementOptions::Paper().Validate();

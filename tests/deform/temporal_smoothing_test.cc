@@ -78,6 +78,9 @@ TEST(SmoothingWeights, BadInputIsRefused) {
   EXPECT_MPC_ERROR(SmoothingWeights({1, 1, 1}, kMean), kInvalidArgument, "window of 3");
   EXPECT_MPC_ERROR(SmoothingWeights({1, 1}, {.window_frames = 2, .degree = 3}), kInvalidArgument,
                    "window_frames is 2, expected an odd number; degree is 3");
+  EXPECT_MPC_ERROR(SmoothingOptions{.depth_seconds = -1}.Validate(), kInvalidArgument,
+                   "depth_seconds is -1");
+  EXPECT_EQ(kMean.depth_seconds, 0);  // nothing of ours
 }
 
 class SmoothPosesTest : public ::testing::Test {

@@ -591,6 +591,7 @@ FrameProblem ClipEvidence::MakeProblem(const FrameObservation& observation, doub
         JointPositionEnergy(chained.joints, chained.positions, options_.weight_3d * mean);
   }
   std::vector<StandingJoint> standing = observation.standing;
+  standing.insert(standing.end(), observation.floor.begin(), observation.floor.end());
   const double gain_standing = kError2dMm / kErrorStandingMm;
   for (StandingJoint& joint : standing) joint.weight *= mean * gain_standing * gain_standing;
   problem.standing = StandingEnergy(std::move(standing), loss_width * kRobustStandingMm);

@@ -15,6 +15,10 @@ bool StandingEnergy::Evaluate(const PosePoint& at, int first_row, Eigen::VectorX
     const double weight = std::sqrt(standing.weight);
     Eigen::Matrix<double, 1, 3> derivative = 1000 * weight * standing.ray.transpose();
     const double away_m = standing.ray.dot(at.state.joints.col(standing.joint)) - standing.range_m;
+    if (standing.one_sided && away_m <= 0) {
+      (*r)[row++] = 0;
+      continue;
+    }
     (*r)[row] = 1000 * weight * away_m;
     ApplyRobustLoss<1>(weight * robust_scale_, r->segment<1>(row),
                        jacobian != nullptr ? &derivative : nullptr);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <span>
 
@@ -26,6 +27,7 @@ constexpr double kStep = 0.15;             // m; stands that differ less in heig
 constexpr double kFloorError = 0.015;      // m in height of a standing joint over the floor
 constexpr double kGuessedFloorError = 0.05;  // the same where nothing but people says where up is
 constexpr double kTurningFloorError = 0.1;   // and the camera turns as its background says
+constexpr double kUnderFloor = 0.03;         // of any joint of a foot that is estimated below it
 constexpr double kOwnError = 0.1;            // m along the ray of a stand on its own
 constexpr double kRunaway = 0.15;  // m along the ray from where most estimates of a stand lie
 constexpr double kReach = 0.05;    // m across the ray from where it began to stand
@@ -213,21 +215,30 @@ std::array<double, 2> HeightsOverToes(const Skeleton& skeleton) {
   return {num_feet > 0 ? sum / num_feet : 0, 0};
 }
 
-// Heights of ankles and toes that stand on the one floor of the clip; nullopt when nothing rests.
-std::optional<std::array<double, 2>> FindFloor(const FootTracks& tracks,
-                                               const std::vector<Stand>& stands,
-                                               const std::array<double, 2>& over_toes,
-                                               const Eigen::Vector3d& up) {
+// The one floor of a clip.
+struct Floor {
+  std::array<double, 2> heights{};  // of ankles and toes that stand on it
+  double lowest = 0;                // that a toe can be
+};
+
+// nullopt when nothing rests.
+std::optional<Floor> FindFloor(const FootTracks& tracks, const std::vector<Stand>& stands,
+                               const std::array<double, 2>& over_toes, const Eigen::Vector3d& up) {
   std::vector<double> heights;
+  std::array<double, 2> deepest{};  // of the left foot and the right
+  deepest.fill(std::numeric_limits<double>::infinity());
   for (const Stand& stand : stands) {
     if (!stand.rests) continue;
     for (int f = stand.begin; f < stand.end; ++f) {
       heights.push_back(HeightAt(tracks, stand, up, f) - over_toes[stand.foot / 2]);
+      deepest[stand.foot % 2] = std::min(deepest[stand.foot % 2], heights.back());
     }
   }
   if (heights.empty()) return std::nullopt;
   const double toes = Median(Eigen::VectorXd::Map(heights.data(), std::ssize(heights)));
-  return std::array{toes + over_toes[0], toes + over_toes[1]};
+  // Who goes down a step does so with both feet; a leg that is mirrored in depth is alone.
+  const double lower = *std::max_element(deepest.begin(), deepest.end());
+  return Floor{{toes + over_toes[0], toes + over_toes[1]}, lower < toes - kStep ? lower : toes};
 }
 
 // Whether a stand is on the floor. A foot is too short to have its toe on a step and its ankle on the
@@ -247,16 +258,19 @@ bool OnFloor(const FootTracks& tracks, const Stand& stand, const std::vector<Sta
 
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations) {
-  for (FrameObservation& observation : *observations) observation.standing.clear();
+  for (FrameObservation& observation : *observations) {
+    observation.standing.clear();
+    observation.floor.clear();
+  }
   const FootTracks tracks = TrackFeet(evidence, poses);
   const auto [up, floor_error] = EstimateUp(evidence.has_world(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
   const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
-  const std::optional<std::array<double, 2>> floor =
+  const std::optional<Floor> floor =
       FindFloor(tracks, stands, HeightsOverToes(evidence.skeleton()), up);
   if (!floor) return;
   for (const Stand& stand : stands) {
-    const bool on_floor = OnFloor(tracks, stand, stands, up, *floor);
+    const bool on_floor = OnFloor(tracks, stand, stands, up, floor->heights);
     if (!stand.rests && !on_floor) continue;
     for (int f = stand.begin; f < stand.end; ++f) {
       const Rigid<WorldFrame, CameraFrame>& base_from_camera = tracks.base_from_camera[f];
@@ -264,12 +278,21 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
       const double slope = up.dot(ray);
       double range_m = stand.ranges_m[f - stand.begin];
       if (on_floor && slope < 0) {
-        const double below = (*floor)[stand.foot / 2] - up.dot(base_from_camera.translation);
+        const double below = floor->heights[stand.foot / 2] - up.dot(base_from_camera.translation);
         const double trust = std::pow(slope * kOwnError / floor_error, 2);
         range_m = (range_m + trust * below / slope) / (1 + trust);
       }
       (*observations)[f].standing.push_back(
           {tracks.joints[stand.foot], base_from_camera.rotation.transpose() * ray, range_m, 1});
+    }
+  }
+  const double trust = std::pow(kFloorError / std::max(floor_error, kUnderFloor), 2);
+  for (size_t f = 0; f < observations->size(); ++f) {
+    const Rigid<WorldFrame, CameraFrame>& base_from_camera = tracks.base_from_camera[f];
+    const Eigen::Vector3d down = base_from_camera.rotation.transpose() * -up;
+    const double range_m = up.dot(base_from_camera.translation) - floor->lowest;
+    for (const int joint : tracks.joints) {
+      if (joint >= 0) (*observations)[f].floor.push_back({joint, down, range_m, trust, true});
     }
   }
 }

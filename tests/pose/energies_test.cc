@@ -48,6 +48,8 @@ class EnergiesTest : public ::testing::Test {
     for (const int j : {1, 4, 9}) {
       const Eigen::Vector3d x = at.state.joints.col(j);
       joints.push_back({j, x.normalized(), x.norm() + noise_m * normal(rng_), 0.3 + j});
+      joints.push_back(joints.back());
+      joints.back().one_sided = true;
     }
     return {joints, 90};
   }
@@ -225,6 +227,22 @@ TEST_F(EnergiesTest, AStandingJointIsHeldAlongItsRayOnly) {
   EXPECT_NEAR(Residuals(energy, moved)[0], std::sqrt(first.weight), 1e-3);
   moved.head<3>() += 1e3 * first.ray;
   EXPECT_NEAR(Residuals(energy, moved)[0], 90 * std::sqrt(first.weight), 1e-3);
+}
+
+TEST_F(EnergiesTest, TheFloorIsInTheWayOfWhatIsBelowAlone) {
+  const VectorXd pose = RandomPose();
+  const Eigen::Vector3d down = Eigen::Vector3d(0.1, 1, 0.2).normalized();
+  const double deep_m = down.dot(PointAt(pose).state.joints.col(4));
+  const auto residual = [&](double floor_m, bool one_sided, MatrixXd* jacobian) {
+    const StandingEnergy energy({{4, down, floor_m, 0.5, one_sided}}, 90);
+    return Residuals(energy, pose, jacobian)[0];
+  };
+  MatrixXd above, below, held;
+  EXPECT_EQ(residual(deep_m + 0.01, true, &above), 0);
+  EXPECT_TRUE(above.isZero());
+  EXPECT_EQ(residual(deep_m - 0.01, true, &below), residual(deep_m - 0.01, false, &held));
+  EXPECT_EQ(below, held);
+  EXPECT_GT(below.norm(), 1);
 }
 
 TEST_F(EnergiesTest, AJointBehindTheCameraIsRefused) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "pose/synthetic_clip.h"
@@ -169,6 +170,59 @@ TEST(StandingFeetTest, AWalkersFeetStandByTurns) {
   }
   EXPECT_GT(num_standing, kFrames / 4);  // of four joints per frame: the middles of the steps
   EXPECT_LT(num_standing, 3 * kFrames);
+}
+
+// How far below the floor of their frame the deepest joint of a foot is, m; negative above it.
+double DeepestJoint(const SyntheticClip& clip, const Eigen::MatrixXd& poses,
+                    const std::vector<FrameObservation>& observations, int f) {
+  KinematicState state;
+  ForwardKinematics(clip.skeleton, poses.col(f), &state);
+  double deepest_m = -std::numeric_limits<double>::infinity();
+  for (const StandingJoint& floor : observations[f].floor) {
+    EXPECT_TRUE(floor.one_sided);
+    deepest_m = std::max(deepest_m, floor.ray.dot(state.joints.col(floor.joint)) - floor.range_m);
+  }
+  return deepest_m;
+}
+
+// The clip's camera looks level: y is down.
+void Sink(int first, int end, double by_m, Eigen::MatrixXd* poses) {
+  poses->row(1).segment(first, end - first).array() += by_m;
+}
+
+TEST(StandingFeetTest, TheFloorIsUnderAllFramesOfTheClip) {
+  const SyntheticClip clip = MakeClip(MotionKind::kJump, kFrames, kFps, {}, 1);
+  Eigen::MatrixXd poses = clip.poses;
+  Sink(40, 44, 0.12, &poses);  // too short to be a stand
+  const std::vector<FrameObservation> observations = Stands(clip, poses);
+  double lowest_m = -1;
+  for (int f = 0; f < kFrames; ++f) {
+    ASSERT_EQ(observations[f].floor.size(), 4U) << "frame " << f;
+    const double deep_m = DeepestJoint(clip, clip.poses, observations, f);
+    EXPECT_LT(deep_m, 0.02) << "frame " << f;
+    lowest_m = std::max(lowest_m, deep_m);
+    if (f < 40 || f >= 44) continue;
+    EXPECT_NEAR(DeepestJoint(clip, poses, observations, f), deep_m + 0.12, 1e-3);
+  }
+  EXPECT_GT(lowest_m, -0.02);
+}
+
+TEST(StandingFeetTest, WhoeverGoesDownAStepWithBothFeetHasALowerFloor) {
+  const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
+  Eigen::MatrixXd poses = clip.poses;
+  Sink(60, kFrames, 0.3, &poses);
+  std::vector<FrameObservation> observations = Stands(clip, poses);
+  EXPECT_NEAR(DeepestJoint(clip, poses, observations, 80), 0, 0.03);
+  // The same with a right foot that is lifted meanwhile: a left leg that is alone down there.
+  const int knee = clip.skeleton.FindJointIndex(JointId::kRightKnee);
+  const auto& hinges = clip.skeleton.hinges;
+  const auto bends = std::find_if(hinges.begin(), hinges.end(), [&](const auto& hinge) {
+    return hinge.segment == clip.skeleton.joints[knee].segment;
+  });
+  ASSERT_NE(bends, hinges.end());
+  poses.row(6 + (bends - hinges.begin())).tail(kFrames - 60).array() += 1.5;
+  observations = Stands(clip, poses);
+  EXPECT_NEAR(DeepestJoint(clip, poses, observations, 80), 0.3, 0.03);
 }
 
 TEST(StandingFeetTest, WhatNobodySeesDoesNotStand) {

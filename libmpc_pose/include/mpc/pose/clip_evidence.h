@@ -46,6 +46,7 @@ struct FrameObservation {
   std::vector<Eigen::Vector3d> position_3d;  // camera axes, as detected, any origin, m
   std::vector<double> confidence_3d;
   std::vector<StandingJoint> standing;  // feet, by FindStandingFeet; weights 1
+  std::vector<StandingJoint> floor;     // under all feet, by the same
   double scale_3d = 1;                  // the actor's lengths over the detected ones
   Eigen::Matrix3d camera_from_ray = Eigen::Matrix3d::Identity();
   double mm_per_px = 0;  // at the person, from t_f

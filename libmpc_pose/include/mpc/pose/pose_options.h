@@ -39,7 +39,8 @@ struct PoseOptions {
   double robust_3d = 90;           // of weighted bone residuals, mm, 0: plain squares
   double pck_threshold = 0.4;      // thres_pck of the paper: a frame's 3D is off above it
   bool test_depth_flips = true;    // ours: depth-mirrored limbs are tried over the clip
-  bool hold_standing_feet = true;  // ours: what stands in the picture stands along the ray too
+  // ours: what stands in the picture stands along the ray too, and nothing goes through the floor
+  bool hold_standing_feet = true;
   // ours: factor on 3D errors that last, and on the rest prior's variance, once limbs are chosen;
   // 1: paper. In [1, 100]
   double lasting_discount = 2;

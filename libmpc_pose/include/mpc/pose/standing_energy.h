@@ -1,6 +1,7 @@
-// Purpose: feet that stand do not move along the viewing ray, where one camera hardly sees motion.
+// Purpose: feet that stand do not move along the viewing ray, where one camera hardly sees motion,
+// and no foot goes through the floor.
 // Source: ours (docs/pose.md, "Standing feet"); off in the paper preset.
-// Rows: one per joint, mm: sqrt(weight) 1000 (ray . J - range_m).
+// Rows: one per joint, mm: sqrt(weight) 1000 (ray . J - range_m), one-sided ones 0 where that is negative.
 #pragma once
 
 #include <vector>
@@ -14,6 +15,8 @@ struct StandingJoint {
   Eigen::Vector3d ray = Eigen::Vector3d::UnitZ();  // from the camera to the joint, unit, body axes
   double range_m = 0;                              // where along it the joint stands
   double weight = 1;
+  // Only what lies beyond counts: the floor, along a ray straight down.
+  bool one_sided = false;
 };
 
 class StandingEnergy {

@@ -1,4 +1,4 @@
-// Purpose: find when a foot stands, and where.
+// Purpose: find when a foot stands, and where, and the floor that no foot goes through.
 // Source: ours (docs/pose.md, "Standing feet").
 //
 // What stands still in the picture for a while stands still: a foot that moves straight along the
@@ -19,6 +19,8 @@ namespace mpc {
 // the clip, and where most of its own ranges lie, each by its uncertainty; at the latter alone when
 // its foot stands more than a step above or below that floor. A foot that rests only in the picture,
 // while the estimate of its depth runs, stands when it does so for longer and on that floor.
+// Sets FrameObservation::floor of all of them where that floor is known, under ankles and toes: at the
+// height of its toes, or as deep as both feet stand when that is more than a step lower.
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations);
 

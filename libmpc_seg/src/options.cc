@@ -31,6 +31,8 @@ SegmentationOptions SegmentationOptions::AfterRefinement() {
   SegmentationOptions options;
   options.erode /= 2;
   options.dilate /= 2;
+  options.gamma /= 2;
+  options.gamma_motion /= 2;
   return options;
 }
 

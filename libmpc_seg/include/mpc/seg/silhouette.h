@@ -50,7 +50,7 @@ struct SegmentationOptions {
   // GrabCut's full energy over the whole crop, 5 rounds, the literal trimap, and the motion cue.
   static SegmentationOptions Paper();
 
-  // For a model that was already fitted to a silhouette: half the band.
+  // For a model that was already fitted to a silhouette: half the band, half the cost of outlines.
   static SegmentationOptions AfterRefinement();
 
   // Throws Error (kInvalidArgument) naming every fault.

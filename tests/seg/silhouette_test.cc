@@ -253,6 +253,33 @@ TEST(Silhouette, WhatAnEarlierCutFoundBeyondTheBandStays) {
   EXPECT_EQ(s.mask.at<uint8_t>(250, 40), 0);
 }
 
+// Legs that the fitted model has too close together, in colours that hardly tell them from what is
+// behind: outlines as dear as in the first cut keep them closed.
+TEST(Silhouette, AfterRefinementColoursOpenANarrowGap) {
+  cv::Mat truth(300, 320, CV_8UC1, cv::Scalar(0));
+  truth(cv::Rect(120, 60, 80, 180)).setTo(255);
+  FrameInput frame;
+  frame.model_mask = truth.clone();
+  frame.model_mask(cv::Rect(159, 180, 2, 60)).setTo(0);
+  const cv::Rect gap(157, 180, 6, 60);
+  truth(gap).setTo(0);
+  for (const uint64_t seed : {5, 6, 7}) {
+    frame.picture = cv::Mat(truth.size(), CV_8UC3, cv::Scalar(110, 110, 110));
+    frame.picture.setTo(cv::Scalar(124, 96, 124), truth);
+    cv::Mat noise(truth.size(), CV_16SC3);
+    cv::RNG(seed).fill(noise, cv::RNG::NORMAL, 0, 8);
+    cv::add(frame.picture, noise, frame.picture, {}, CV_8UC3);
+    const auto opened = [&](const SegmentationOptions& options) {
+      const cv::Mat mask = ExtractSilhouette(frame, options).mask;
+      return 1 - cv::countNonZero(mask(gap)) / static_cast<double>(gap.area());
+    };
+    SegmentationOptions dear = SegmentationOptions::AfterRefinement();
+    dear.gamma = SegmentationOptions().gamma;
+    EXPECT_LT(opened(dear), 0.2) << seed;
+    EXPECT_GT(opened(SegmentationOptions::AfterRefinement()), 0.9) << seed;
+  }
+}
+
 TEST(Silhouette, PersonOfTheBackgroundsColourGivesTheModel) {
   const TestSceneOptions options;
   const cv::Mat model = WrongModel(options, 0);

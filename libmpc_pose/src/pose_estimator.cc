@@ -175,10 +175,7 @@ PoseTrack EstimatePoses(const Skeleton& skeleton, const Camera& camera,
     }
     if (round > 0 && options.fit_proportions) {
       // Where a foot stood was measured with the proportions before.
-      for (FrameObservation& frame : initialization.observations) {
-        frame.standing.clear();
-        frame.floor.clear();
-      }
+      ForgetStandingFeet(&initialization.observations);
       const Stopwatch watch;
       calibration.Step(windows, track.poses, num_threads, &evidence, &initialization);
       track.seconds_calibration += watch.Seconds();

@@ -258,10 +258,7 @@ bool OnFloor(const FootTracks& tracks, const Stand& stand, const std::vector<Sta
 
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations) {
-  for (FrameObservation& observation : *observations) {
-    observation.standing.clear();
-    observation.floor.clear();
-  }
+  ForgetStandingFeet(observations);
   const FootTracks tracks = TrackFeet(evidence, poses);
   const auto [up, floor_error] = EstimateUp(evidence.has_world(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
@@ -294,6 +291,13 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
     for (const int joint : tracks.joints) {
       if (joint >= 0) (*observations)[f].floor.push_back({joint, down, range_m, trust, true});
     }
+  }
+}
+
+void ForgetStandingFeet(std::vector<FrameObservation>* observations) {
+  for (FrameObservation& observation : *observations) {
+    observation.standing.clear();
+    observation.floor.clear();
   }
 }
 

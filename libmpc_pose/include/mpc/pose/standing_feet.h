@@ -24,4 +24,7 @@ namespace mpc {
 void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses,
                       std::vector<FrameObservation>* observations);
 
+// Empties what FindStandingFeet sets.
+void ForgetStandingFeet(std::vector<FrameObservation>* observations);
+
 }  // namespace mpc

@@ -207,6 +207,30 @@ TEST(StandingFeetTest, TheFloorIsUnderAllFramesOfTheClip) {
   EXPECT_GT(lowest_m, -0.02);
 }
 
+TEST(StandingFeetTest, ThePoseOfAFrameCostsWhatIsUnderTheFloor) {
+  const SyntheticClip clip = MakeClip(MotionKind::kJump, kFrames, kFps, {}, 1);
+  const ClipEvidence evidence(clip.skeleton, clip.camera, clip.detections.detections2d,
+                              &clip.detections.detections3d, clip.fps, testing::PlainOptions());
+  const std::vector<FrameObservation> observations = Stands(clip, clip.poses);
+  const auto cost = [&](double sunk_m, const FrameObservation& observation) {
+    PosePoint at;
+    at.pose = clip.poses.col(0);
+    at.pose[1] += sunk_m;
+    at.root_rotation = ExpSO3(at.pose.segment<3>(3));
+    at.Update(clip.skeleton, /*with_jacobian=*/false);
+    FrameScratch scratch;
+    return EvaluateFrame(
+        evidence.MakeProblem(observation, at.pose[2], 1, RelaxedPose(clip.skeleton)), at, &scratch);
+  };
+  FrameObservation floorless = observations[0];
+  floorless.floor.clear();
+  const auto of_floor = [&](double sunk_m) {
+    return cost(sunk_m, observations[0]) - cost(sunk_m, floorless);
+  };
+  EXPECT_LT(of_floor(-0.1), 1e-9);
+  EXPECT_GT(of_floor(0.1), kNoiseCost);
+}
+
 TEST(StandingFeetTest, WhoeverGoesDownAStepWithBothFeetHasALowerFloor) {
   const SyntheticClip clip = MakeClip(MotionKind::kSquat, kFrames, kFps, {}, 1);
   Eigen::MatrixXd poses = clip.poses;

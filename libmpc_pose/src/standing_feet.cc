@@ -29,8 +29,10 @@ constexpr double kGuessedFloorError = 0.05;  // the same where nothing but peopl
 constexpr double kTurningFloorError = 0.1;   // and the camera turns as its background says
 constexpr double kUnderFloor = 0.03;         // of any joint of a foot that is estimated below it
 constexpr double kOwnError = 0.1;            // m along the ray of a stand on its own
-constexpr double kRunaway = 0.15;  // m along the ray from where most estimates of a stand lie
-constexpr double kReach = 0.05;    // m across the ray from where it began to stand
+constexpr double kRunaway = 0.15;     // m along the ray from where most estimates of a stand lie
+constexpr double kReach = 0.05;       // m across the ray from where it began to stand
+constexpr double kMoved = 0.03;       // m across the ray from where it stood that count as none
+constexpr double kFloorMoved = 0.06;  // m straight along the floor that would show as more
 
 double Median(Eigen::VectorXd values) {
   const auto middle = values.begin() + values.size() / 2;
@@ -119,50 +121,82 @@ double Across(const FootTracks& tracks, size_t foot, int begin, int f) {
   return moved.cross(tracks.Sight(foot, begin).normalized()).norm();
 }
 
-// Ranges of the frames [begin, end) that have the joint in one place, but for a moving camera.
-Eigen::VectorXd RangesOfStand(const FootTracks& tracks, size_t foot, int begin, int end) {
+// Ranges of the frames of a stand that rests in [begin, end): one place, but for a moving camera.
+void SetRanges(const FootTracks& tracks, int begin, int end, Stand* stand) {
   const Eigen::Vector3d place =
-      tracks.positions[foot].middleCols(begin, end - begin).rowwise().mean();
-  Eigen::VectorXd ranges(end - begin);
-  Eigen::VectorXd place_ranges(end - begin);
+      tracks.positions[stand->foot].middleCols(begin, end - begin).rowwise().mean();
+  const auto place_range = [&](int f) {
+    return (place - tracks.base_from_camera[f].translation).norm();
+  };
+  Eigen::VectorXd nearer(end - begin);
   for (int f = begin; f < end; ++f) {
-    ranges[f - begin] = tracks.Sight(foot, f).norm();
-    place_ranges[f - begin] = (place - tracks.base_from_camera[f].translation).norm();
+    nearer[f - begin] = tracks.Sight(stand->foot, f).norm() - place_range(f);
   }
-  return place_ranges.array() + Middle(ranges - place_ranges);
+  const double middle = Middle(nearer);
+  stand->ranges_m.resize(stand->end - stand->begin);
+  for (int f = stand->begin; f < stand->end; ++f) {
+    stand->ranges_m[f - stand->begin] = place_range(f) + middle;
+  }
 }
 
-std::vector<Stand> FindStands(const FootTracks& tracks, const Eigen::Vector3d& up, double fps,
-                              const std::vector<FrameObservation>& observations) {
+bool IsSeen(const FrameObservation& observation, int joint) {
+  return std::any_of(observation.points.begin(), observation.points.end(),
+                     [&](const Observation2d& point) { return point.joint == joint; });
+}
+
+// The speed, which is that of a while, shows too early that a foot will move and too late that it has: it
+// stands as long as it is where it stood, but not before frame `first` nor from `last` on.
+void Prolong(const FootTracks& tracks, const Eigen::Vector3d& up, int first, int last,
+             const std::vector<FrameObservation>& observations, Stand* stand) {
+  const auto& positions = tracks.positions[stand->foot];
+  const Eigen::Vector3d place =
+      positions.middleCols(stand->begin, stand->end - stand->begin).rowwise().mean();
+  const auto is_there = [&](int f) {
+    const Eigen::Vector3d ray = tracks.Sight(stand->foot, f).normalized();
+    const double most = std::min(kMoved, kFloorMoved * std::abs(up.dot(ray)));
+    return IsSeen(observations[f], tracks.joints[stand->foot]) &&
+           (positions.col(f) - place).cross(ray).norm() < most;
+  };
+  while (stand->begin > first && is_there(stand->begin - 1)) --stand->begin;
+  while (stand->end < last && is_there(stand->end)) ++stand->end;
+}
+
+// Of one foot, in the order of time.
+std::vector<Stand> FindStands(const FootTracks& tracks, size_t foot, const Eigen::Vector3d& up,
+                              double fps, const std::vector<FrameObservation>& observations) {
   const int num_frames = static_cast<int>(observations.size());
   const int least = std::max(3, static_cast<int>(std::lround(kLeastSeconds * fps)));
+  std::vector<bool> rests_across;
+  std::vector<bool> rests_along;
+  for (int f = 0; f < num_frames; ++f) {
+    const Speed speed = SpeedAt(tracks, foot, f, fps);
+    const double slope = std::abs(up.dot(tracks.Sight(foot, f).normalized()));
+    rests_across.push_back(IsSeen(observations[f], tracks.joints[foot]) &&
+                           speed.across <= std::min(kSpeed, kFloorSpeed * slope));
+    rests_along.push_back(speed.along <= kAlongSpeed);
+  }
   std::vector<Stand> stands;
-  for (size_t i = 0; i < kFootJoints.size(); ++i) {
-    std::vector<bool> rests_across;
-    std::vector<bool> rests_along;
-    for (int f = 0; f < num_frames; ++f) {
-      const auto& points = observations[f].points;
-      const bool seen = std::any_of(points.begin(), points.end(), [&](const Observation2d& point) {
-        return point.joint == tracks.joints[i];
-      });
-      const Speed speed = SpeedAt(tracks, i, f, fps);
-      const double slope = std::abs(up.dot(tracks.Sight(i, f).normalized()));
-      rests_across.push_back(seen && speed.across <= std::min(kSpeed, kFloorSpeed * slope));
-      rests_along.push_back(speed.along <= kAlongSpeed);
+  for (int begin = 0; begin < num_frames;) {
+    int end = begin;
+    int num_resting = 0;
+    for (; end < num_frames && rests_across[end] && Across(tracks, foot, begin, end) <= kReach;
+         ++end) {
+      num_resting += rests_along[end] ? 1 : 0;
     }
-    for (int begin = 0; begin < num_frames;) {
-      int end = begin;
-      int num_resting = 0;
-      for (; end < num_frames && rests_across[end] && Across(tracks, i, begin, end) <= kReach;
-           ++end) {
-        num_resting += rests_along[end] ? 1 : 0;
-      }
-      const bool rests = num_resting >= least;
-      if (rests || end - begin >= kFloorSeconds * fps) {
-        stands.push_back({i, begin, end, RangesOfStand(tracks, i, begin, end), rests});
-      }
-      begin = std::max(begin + 1, end);
+    const bool rests = num_resting >= least;
+    if (rests || end - begin >= kFloorSeconds * fps) {
+      stands.push_back({foot, begin, end, {}, rests});
     }
+    begin = std::max(begin + 1, end);
+  }
+  const int most = static_cast<int>(std::lround(kSpeedSeconds * fps));
+  for (size_t i = 0; i < stands.size(); ++i) {
+    const int begin = stands[i].begin;
+    const int end = stands[i].end;
+    const int first = std::max(i > 0 ? stands[i - 1].end : 0, begin - most);
+    const int last = std::min(i + 1 < stands.size() ? stands[i + 1].begin : num_frames, end + most);
+    Prolong(tracks, up, first, last, observations, &stands[i]);
+    SetRanges(tracks, begin, end, &stands[i]);
   }
   return stands;
 }
@@ -262,7 +296,11 @@ void FindStandingFeet(const ClipEvidence& evidence, const Eigen::MatrixXd& poses
   const FootTracks tracks = TrackFeet(evidence, poses);
   const auto [up, floor_error] = EstimateUp(evidence.has_world(), tracks);
   if (up.isZero()) return;  // nothing says which feet bear anybody
-  const std::vector<Stand> stands = FindStands(tracks, up, evidence.fps(), *observations);
+  std::vector<Stand> stands;
+  for (size_t foot = 0; foot < kFootJoints.size(); ++foot) {
+    const std::vector<Stand> its = FindStands(tracks, foot, up, evidence.fps(), *observations);
+    stands.insert(stands.end(), its.begin(), its.end());
+  }
   const std::optional<Floor> floor =
       FindFloor(tracks, stands, HeightsOverToes(evidence.skeleton()), up);
   if (!floor) return;

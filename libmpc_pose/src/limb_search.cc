@@ -18,7 +18,7 @@ constexpr int kNumMirrored = 3;  // of two bones
 // As is, fitted with mirrored depths, then to the evidence from there, as detected.
 constexpr int kNumCandidates = 2 + 2 * kNumMirrored;
 // Lasting errors: evidence of this many seconds counts as one independent observation.
-constexpr double kEvidenceSeconds = 0.25;
+constexpr double kEvidenceSeconds = 0.1;
 constexpr double kSpeed = 2.0;      // m/s of a joint relative to the torso that is free
 constexpr double kJitter = 0.1;     // m beyond it that cost 1
 constexpr double kMaxJump = 0.5;    // m; longer jumps cost no more

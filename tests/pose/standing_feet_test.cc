@@ -26,6 +26,7 @@ std::vector<FrameObservation> Stands(const SyntheticClip& clip, const Eigen::Mat
                               &clip.detections.detections3d, clip.fps, testing::PlainOptions(),
                               camera_motion);
   std::vector<FrameObservation> observations;
+  observations.reserve(static_cast<size_t>(clip.num_frames()));
   for (int f = 0; f < clip.num_frames(); ++f) observations.push_back(evidence.Observe(f));
   FindStandingFeet(evidence, poses, &observations);
   return observations;

@@ -121,18 +121,19 @@ double Across(const FootTracks& tracks, size_t foot, int begin, int f) {
   return moved.cross(tracks.Sight(foot, begin).normalized()).norm();
 }
 
-// Ranges of the frames of a stand that rests in [begin, end): one place, but for a moving camera.
+// Ranges of all frames of a stand, from those in which it rests, [begin, end): one place, but for a
+// moving camera.
 void SetRanges(const FootTracks& tracks, int begin, int end, Stand* stand) {
   const Eigen::Vector3d place =
       tracks.positions[stand->foot].middleCols(begin, end - begin).rowwise().mean();
   const auto place_range = [&](int f) {
     return (place - tracks.base_from_camera[f].translation).norm();
   };
-  Eigen::VectorXd nearer(end - begin);
+  Eigen::VectorXd beyond_m(end - begin);
   for (int f = begin; f < end; ++f) {
-    nearer[f - begin] = tracks.Sight(stand->foot, f).norm() - place_range(f);
+    beyond_m[f - begin] = tracks.Sight(stand->foot, f).norm() - place_range(f);
   }
-  const double middle = Middle(nearer);
+  const double middle = Middle(beyond_m);
   stand->ranges_m.resize(stand->end - stand->begin);
   for (int f = stand->begin; f < stand->end; ++f) {
     stand->ranges_m[f - stand->begin] = place_range(f) + middle;

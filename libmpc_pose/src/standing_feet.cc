@@ -121,11 +121,30 @@ double Across(const FootTracks& tracks, size_t foot, int begin, int f) {
   return moved.cross(tracks.Sight(foot, begin).normalized()).norm();
 }
 
-// Ranges of all frames of a stand, from those in which it rests, [begin, end): one place, but for a
-// moving camera.
-void SetRanges(const FootTracks& tracks, int begin, int end, Stand* stand) {
-  const Eigen::Vector3d place =
-      tracks.positions[stand->foot].middleCols(begin, end - begin).rowwise().mean();
+bool IsSeen(const FrameObservation& observation, int joint) {
+  return std::any_of(observation.points.begin(), observation.points.end(),
+                     [&](const Observation2d& point) { return point.joint == joint; });
+}
+
+// Of a stand that has the frames in which its joint is still, the others and the ranges of all. The
+// speed, which is that of a while, shows too early that a foot will move and too late that it has: it
+// stands as long as it is where it stood, but not before frame `first` nor from `last` on.
+void Complete(const FootTracks& tracks, const Eigen::Vector3d& up, int first, int last,
+              const std::vector<FrameObservation>& observations, Stand* stand) {
+  const int begin = stand->begin;
+  const int end = stand->end;
+  const auto& positions = tracks.positions[stand->foot];
+  const Eigen::Vector3d place = positions.middleCols(begin, end - begin).rowwise().mean();
+  const auto is_there = [&](int f) {
+    const Eigen::Vector3d ray = tracks.Sight(stand->foot, f).normalized();
+    const double most = std::min(kMoved, kFloorMoved * std::abs(up.dot(ray)));
+    return IsSeen(observations[f], tracks.joints[stand->foot]) &&
+           (positions.col(f) - place).cross(ray).norm() < most;
+  };
+  while (stand->begin > first && is_there(stand->begin - 1)) --stand->begin;
+  while (stand->end < last && is_there(stand->end)) ++stand->end;
+
+  // One place, but for a moving camera.
   const auto place_range = [&](int f) {
     return (place - tracks.base_from_camera[f].translation).norm();
   };
@@ -138,28 +157,6 @@ void SetRanges(const FootTracks& tracks, int begin, int end, Stand* stand) {
   for (int f = stand->begin; f < stand->end; ++f) {
     stand->ranges_m[f - stand->begin] = place_range(f) + middle;
   }
-}
-
-bool IsSeen(const FrameObservation& observation, int joint) {
-  return std::any_of(observation.points.begin(), observation.points.end(),
-                     [&](const Observation2d& point) { return point.joint == joint; });
-}
-
-// The speed, which is that of a while, shows too early that a foot will move and too late that it has: it
-// stands as long as it is where it stood, but not before frame `first` nor from `last` on.
-void Prolong(const FootTracks& tracks, const Eigen::Vector3d& up, int first, int last,
-             const std::vector<FrameObservation>& observations, Stand* stand) {
-  const auto& positions = tracks.positions[stand->foot];
-  const Eigen::Vector3d place =
-      positions.middleCols(stand->begin, stand->end - stand->begin).rowwise().mean();
-  const auto is_there = [&](int f) {
-    const Eigen::Vector3d ray = tracks.Sight(stand->foot, f).normalized();
-    const double most = std::min(kMoved, kFloorMoved * std::abs(up.dot(ray)));
-    return IsSeen(observations[f], tracks.joints[stand->foot]) &&
-           (positions.col(f) - place).cross(ray).norm() < most;
-  };
-  while (stand->begin > first && is_there(stand->begin - 1)) --stand->begin;
-  while (stand->end < last && is_there(stand->end)) ++stand->end;
 }
 
 // Of one foot, in the order of time.
@@ -192,12 +189,10 @@ std::vector<Stand> FindStands(const FootTracks& tracks, size_t foot, const Eigen
   }
   const int most = static_cast<int>(std::lround(kSpeedSeconds * fps));
   for (size_t i = 0; i < stands.size(); ++i) {
-    const int begin = stands[i].begin;
-    const int end = stands[i].end;
-    const int first = std::max(i > 0 ? stands[i - 1].end : 0, begin - most);
-    const int last = std::min(i + 1 < stands.size() ? stands[i + 1].begin : num_frames, end + most);
-    Prolong(tracks, up, first, last, observations, &stands[i]);
-    SetRanges(tracks, begin, end, &stands[i]);
+    const int first = std::max(i > 0 ? stands[i - 1].end : 0, stands[i].begin - most);
+    const int last =
+        std::min(i + 1 < stands.size() ? stands[i + 1].begin : num_frames, stands[i].end + most);
+    Complete(tracks, up, first, last, observations, &stands[i]);
   }
   return stands;
 }

@@ -8,6 +8,7 @@
 
 #include "camera_turns.h"
 #include "clip_reader.h"
+#include "mpc/seg/background_motion.h"
 #include "silhouette_maker.h"
 
 namespace mpc::internal {
@@ -65,6 +66,16 @@ TurningPlate PlaceTurningPlate(const Camera& camera, std::span<const CameraFromW
   return plate;
 }
 
+// Whether the background of each picture is where it is in the one before.
+bool Rests(std::span<const PlateSample> samples) {
+  for (size_t i = 1; i < samples.size(); ++i) {
+    const std::optional<cv::Matx33d> motion =
+        EstimateBackgroundMotion(samples[i - 1].picture, samples[i].picture, samples[i].model_mask);
+    if (!motion || *motion != cv::Matx33d::eye()) return false;
+  }
+  return true;
+}
+
 }  // namespace
 
 std::optional<BackgroundView> BackgroundView::See(const PosedClip& clip, const ClipView& view,
@@ -103,6 +114,7 @@ std::optional<BackgroundView> BackgroundView::See(const PosedClip& clip, const C
     }
   }
   if (samples.empty()) return seen;
+  seen.rests_ = !turns && Rests(samples);
   seen.plate_ = MakeBackgroundPlate(samples, options.num_threads, place.size);
   seen.picture_size_ = {view.camera.width, view.camera.height};
   seen.plate_from_picture_ = std::move(place.plate_from_picture);

@@ -29,8 +29,13 @@ class BackgroundView {
   // The background in a frame's picture.
   BackgroundPlate At(int frame) const;
 
+  // The camera was seen to rest all the while: in each of those pictures the background is where it was in
+  // the one before.
+  bool rests() const { return rests_; }
+
  private:
   BackgroundPlate plate_;
+  bool rests_ = false;
   cv::Size picture_size_;
   // Per frame, where its picture lies on the plate; no frames: a camera at rest.
   std::vector<std::optional<cv::Matx33d>> plate_from_picture_;

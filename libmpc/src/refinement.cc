@@ -40,7 +40,8 @@ void ClipRefinementOptions::Validate() const {
 
 namespace {
 
-constexpr double kUsualError2dMm = 7;  // that w_stab was chosen for
+constexpr double kUsualError2dMm = 7;    // that w_stab was chosen for
+constexpr double kFirstCutSizePx = 150;  // at most, of a silhouette that only guides the pose
 
 // The batch's poses are as good as the detections they follow: where those err less than the best
 // networks, E_stab gets their precision, and their depth is the more certain.
@@ -77,7 +78,9 @@ class Stage {
         first_extraction_(options.silhouettes.segmentation),
         maker_(clip, view, options.silhouettes, std::move(background)),
         refiner_(clip.character, HeldBy(clip.error_2d_mm, options.frames)) {
-    first_extraction_.refine_outline &= options.frames.level == RefinementLevel::kNone;
+    if (options.frames.level == RefinementLevel::kNone) return;
+    double& cut_size_px = first_extraction_.max_cut_size_px;
+    cut_size_px = std::min(cut_size_px, kFirstCutSizePx);
   }
 
   Result Process(internal::ClipFrame frame, CorrespondenceScratch* scratch) const {
@@ -127,7 +130,7 @@ class Stage {
   const PosedClip& clip_;
   const internal::ClipView& view_;
   const ClipRefinementOptions& options_;
-  SegmentationOptions first_extraction_;  // its outline only guides the pose, if there is a second
+  SegmentationOptions first_extraction_;
   internal::SilhouetteMaker maker_;
   FrameRefiner refiner_;
 };

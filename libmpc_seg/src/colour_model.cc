@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/LU>
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -48,17 +49,26 @@ std::vector<Eigen::Vector3f> DrawCentres(std::span<const WeightedColour> colours
   return centres;
 }
 
-std::vector<int> NearestCentres(std::span<const WeightedColour> colours,
+// Column by column, so that several colours are compared at a time.
+using ColourColumns = Eigen::ArrayX3f;
+
+std::vector<int> NearestCentres(const ColourColumns& colours,
                                 std::span<const Eigen::Vector3f> centres) {
-  std::vector<int> label(colours.size());
-  for (size_t i = 0; i < colours.size(); ++i) {
-    float best = std::numeric_limits<float>::max();
-    for (size_t k = 0; k < centres.size(); ++k) {
-      const float d = (colours[i].bgr - centres[k]).squaredNorm();
-      if (d < best) {
-        best = d;
-        label[i] = static_cast<int>(k);
-      }
+  const auto n = static_cast<size_t>(colours.rows());
+  const float *b = colours.col(0).data(), *g = colours.col(1).data(), *r = colours.col(2).data();
+  // Squared distances as integers, which are in the same order, and no branches: so that compilers compare
+  // several at a time.
+  std::vector<int32_t> best(n, std::numeric_limits<int32_t>::max());
+  std::vector<int> label(n);
+  for (size_t k = 0; k < centres.size(); ++k) {
+    const float b0 = centres[k][0], g0 = centres[k][1], r0 = centres[k][2];
+    const int this_label = static_cast<int>(k);
+    for (size_t i = 0; i < n; ++i) {
+      const float db = b[i] - b0, dg = g[i] - g0, dr = r[i] - r0;
+      const auto d = std::bit_cast<int32_t>(db * db + dg * dg + dr * dr);
+      const int32_t closer = d < best[i] ? -1 : 0;
+      label[i] ^= (label[i] ^ this_label) & closer;
+      best[i] ^= (best[i] ^ d) & closer;
     }
   }
   return label;
@@ -104,9 +114,13 @@ ColourModel::ColourModel(std::span<const WeightedColour> colours, int max_compon
   if (centres.empty()) {
     throw Error(ErrorCode::kInvalidArgument, "colour model: no colours to learn from");
   }
+  ColourColumns columns(std::ssize(colours), 3);
+  for (Eigen::Index i = 0; i < columns.rows(); ++i) {
+    columns.row(i) = colours[static_cast<size_t>(i)].bgr.transpose();
+  }
   std::vector<int> label;
   for (int iteration = 0; iteration < kMeansIterations; ++iteration) {
-    label = NearestCentres(colours, centres);
+    label = NearestCentres(columns, centres);
     SetComponents(Components(colours, label, static_cast<int>(centres.size())));
     centres.clear();
     for (const ColourComponent& c : components_) centres.push_back(c.mean.cast<float>());

@@ -20,7 +20,7 @@ SegmentationOptions SegmentationOptions::Paper() {
   options.colour_reach = 0;
   options.num_rounds = 5;
   options.band_colours = false;
-  options.coarse_to_fine = false;
+  options.max_cut_size_px = 0;
   options.eight_connected = true;
   options.keep_earlier = false;
   options.clean = false;
@@ -55,6 +55,7 @@ void SegmentationOptions::Validate() const {
   check("weight_plate", weight_plate, 0, 1e3);
   check("weight_person", weight_person, 0, 1e3);
   check("colour_reach", colour_reach, 0, 10);
+  if (max_cut_size_px != 0) check("max_cut_size_px", max_cut_size_px, 10, 1e6);
   check("num_components", num_components, 1, 16);
   check("num_rounds", num_rounds, 1, 100);
   if (!faults.empty()) {

@@ -19,8 +19,6 @@
 namespace mpc {
 namespace {
 
-// Actors larger than this are cut in a picture of half the size, a quarter, and so on.
-constexpr double kMaxCutSizePx = 200;
 constexpr double kRing = 0.15;          // width of the background outside the band, in actor sizes
 constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours are learnt
 constexpr int kRefinePx = 2;            // around the outline, after each doubling of the size
@@ -142,13 +140,7 @@ class Extraction {
     AddEvidence();
     if (!Cut()) return UseModel(SilhouetteState::kNoBackground, box);
     if (result_.confidence < kMinConfidence) return UseModel(SilhouetteState::kAmbiguous, box);
-    if (options_.refine_outline) {
-      for (int level = num_halvings_ - 1; level >= 0; --level) Refine(level);
-    } else {
-      cv::Mat full;
-      cv::resize(255 * labels_, full, crop_.size(), 0, 0, cv::INTER_LINEAR);
-      labels_ = full > 127;
-    }
+    for (int level = num_halvings_ - 1; level >= 0; --level) Refine(level);
 
     result_.state = SilhouetteState::kCut;
     const cv::Mat inside = labels_(cv::Rect({}, result_.roi.size())) != 0;
@@ -178,9 +170,11 @@ class Extraction {
     const double reach = std::ceil((options_.dilate + kRing) * actor_size_) + 2;
     const int margin = static_cast<int>(std::min<double>(reach, std::max(size.width, size.height)));
     crop_ = Grown(box, margin, size);
-    if (options_.coarse_to_fine) {
+    if (options_.max_cut_size_px > 0) {
       const double cut_size = std::min(actor_size_, std::sqrt(1.0 * crop_.area()));
-      while (std::ldexp(cut_size, -num_halvings_) > kMaxCutSizePx) ++num_halvings_;
+      while (std::ldexp(cut_size, -num_halvings_) > options_.max_cut_size_px) {
+        ++num_halvings_;
+      }
     }
     const int block = 1 << num_halvings_;
     crop_.width = (crop_.width + block - 1) / block * block;
@@ -348,7 +342,8 @@ class Extraction {
       actor_model_.emplace(actor_colours, options_.num_components, small().size(), reach);
       background_model_.emplace(other_colours, options_.num_components, small().size(), reach);
       colour_odds_.emplace(*actor_model_, *background_model_,
-                           options_.band_colours ? kOutlierShare : 0, !options_.coarse_to_fine);
+                           options_.band_colours ? kOutlierShare : 0,
+                           /*exact=*/options_.max_cut_size_px == 0);
       ReadColours();
       SetLogOdds(0, {}, &problem);
       // To measure M's error by, the earlier silhouette will do.

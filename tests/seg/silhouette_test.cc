@@ -89,7 +89,7 @@ TEST(Silhouette, CoarseToFineAgreesWithTheWholeCrop) {
   scene.height = 800;
   const Case c = MakeCase(scene);
   SegmentationOptions whole;
-  whole.coarse_to_fine = false;
+  whole.max_cut_size_px = 0;
   const Silhouette banded = ExtractSilhouette(c.frame);
   const Silhouette full = ExtractSilhouette(c.frame, whole);
   EXPECT_GT(MaskIou(full.mask, c.scene.truth), 0.98);
@@ -97,18 +97,18 @@ TEST(Silhouette, CoarseToFineAgreesWithTheWholeCrop) {
   EXPECT_GT(MaskIou(banded.mask, full.mask), 0.985);
 }
 
-TEST(Silhouette, AnOutlineThatIsOnlyScaledUpIsNearlyAsGood) {
+TEST(Silhouette, CutSmallerItIsNearlyAsGood) {
   TestSceneOptions scene;
   scene.size = {720, 960};
   scene.centre = {360, 480};
   scene.height = 800;
   const Case c = MakeCase(scene);
   SegmentationOptions options;
-  const double refined = MaskIou(ExtractSilhouette(c.frame, options).mask, c.scene.truth);
-  options.refine_outline = false;
-  const double scaled = MaskIou(ExtractSilhouette(c.frame, options).mask, c.scene.truth);
-  EXPECT_LT(scaled, refined);
-  EXPECT_GT(scaled, refined - 0.02);  // half a small pixel along the outline
+  const Silhouette usual = ExtractSilhouette(c.frame, options);
+  options.max_cut_size_px = 60;
+  const Silhouette small = ExtractSilhouette(c.frame, options);
+  EXPECT_GT(cv::countNonZero(small.mask != usual.mask), 0);
+  EXPECT_GT(MaskIou(small.mask, c.scene.truth), MaskIou(usual.mask, c.scene.truth) - 0.005);
 }
 
 TEST(Silhouette, ScalesWithThePicture) {

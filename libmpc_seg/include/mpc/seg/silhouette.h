@@ -38,9 +38,10 @@ struct SegmentationOptions {
   double colour_reach = 0.3;  // colours count most near their place, actor sizes, 0: alike; ours
 
   // Solution.
-  int num_rounds = 1;            // of colour models and cut, >= 1; GrabCut: 5
-  bool coarse_to_fine = true;    // cut small, refine the outline; false: the whole crop at once
-  bool refine_outline = true;    // after a small cut; false: only scale it up; ours
+  int num_rounds = 1;  // of colour models and cut, >= 1; GrabCut: 5
+  // Larger actors (ActorSizePx) are cut in half the size, a quarter and so on, and their outlines refined
+  // at each size back; 0: the whole crop at once; ours.
+  double max_cut_size_px = 200;
   bool eight_connected = false;  // neighbours; GrabCut: true
   bool band_colours = true;      // learn from eroded M and outside the band; false: from all of M
   bool keep_earlier = true;      // use FrameInput::earlier; ours

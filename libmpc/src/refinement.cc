@@ -98,7 +98,10 @@ class Stage {
         result.record.batch_true_iou = result.record.silhouette.model_true_iou;
       }
       result.silhouette = silhouette.mask;
-      if (silhouette.motion_cue) frame.previous_from_current = silhouette.previous_from_current;
+      if (silhouette.motion_cue) {
+        frame.previous_from_current = silhouette.previous_from_current;
+        frame.next_from_current = silhouette.next_from_current;
+      }
       Contour2d contour = IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
       last_outline_s = ThreadSeconds();
       return contour;

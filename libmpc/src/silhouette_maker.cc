@@ -55,6 +55,7 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
   FrameInput input;
   input.picture = frame.picture;
   input.previous = frame.previous;
+  input.next = frame.next;
   input.model_mask = model;
   // The paper's R is not clipped to M.
   const cv::Mat clip =
@@ -64,7 +65,10 @@ Silhouette SilhouetteMaker::Make(const KinematicState& state, const Eigen::Matri
   input.earlier = earlier;
   input.background = background_.At(frame.index);
   input.previous_from_current = frame.previous_from_current;
-  if (background_.rests()) input.previous_from_current = cv::Matx33d::eye();
+  input.next_from_current = frame.next_from_current;
+  if (background_.rests()) {
+    input.previous_from_current = input.next_from_current = cv::Matx33d::eye();
+  }
   input.person_probability =
       PictureMask(view_.person_masks, frame.index, clip_.person_gap, frame.picture.size());
   input.actor_size_px = CutOffActorSizePx(vertices);

@@ -22,6 +22,7 @@ SegmentationOptions SegmentationOptions::Paper() {
   options.band_colours = false;
   options.max_cut_size_px = 0;
   options.eight_connected = true;
+  options.look_ahead = false;
   options.keep_earlier = false;
   options.clean = false;
   return options;

@@ -86,14 +86,17 @@ void CheckFrame(const FrameInput& frame) {
   const cv::Size size = frame.picture.size();
   CheckMask(frame.model_mask, size, "model mask");
   if (!frame.skeleton_mask.empty()) CheckMask(frame.skeleton_mask, size, "skeleton mask");
-  if (!frame.previous.empty()) {
-    CheckPicture(frame.previous, "previous picture");
-    if (frame.previous.size() != size) {
+  const auto check_neighbour = [&](const cv::Mat& picture, const char* name) {
+    if (picture.empty()) return;
+    CheckPicture(picture, fmt::format("{} picture", name).c_str());
+    if (picture.size() != size) {
       throw Error(ErrorCode::kMismatch,
-                  fmt::format("segmentation: previous picture is {}x{}, expected {}x{}",
-                              frame.previous.cols, frame.previous.rows, size.width, size.height));
+                  fmt::format("segmentation: {} picture is {}x{}, expected {}x{}", name,
+                              picture.cols, picture.rows, size.width, size.height));
     }
-  }
+  };
+  check_neighbour(frame.previous, "previous");
+  check_neighbour(frame.next, "next");
   if (!frame.earlier.empty()) CheckMask(frame.earlier, size, "earlier silhouette");
   const BackgroundPlate& plate = frame.background;
   if (!plate.empty() && (plate.picture.size() != size || plate.picture.type() != CV_8UC3 ||
@@ -248,38 +251,54 @@ class Extraction {
     }
   }
 
-  // Change since the previous picture, with the background's motion taken out.
+  // Change since the previous picture and until the next, whichever is less, with the background's motion
+  // taken out: what the actor has just left, or will cover next, is still on one side.
   void FindChange() {
-    if (frame_.previous.empty()) return;
     if (options_.gamma_motion == 0 && options_.weight_still == 0) return;
-    cv::Matx33d motion = cv::Matx33d::eye();
-    if (frame_.previous_from_current) {
-      motion = *frame_.previous_from_current;
-    } else if (options_.estimate_background_motion) {
+    std::optional<BackgroundPoints> background;
+    const auto compare = [&](const cv::Mat& other, const std::optional<cv::Matx33d>& known,
+                             cv::Matx33d* motion) {
+      if (other.empty()) return;
+      *motion = known ? *known : MotionTo(other, &background);
+      result_.camera_motion |= *motion != cv::Matx33d::eye();
+      const cv::Mat change = SquaredChange(small(), Displaced(other, *motion));
+      change_ = result_.motion_cue ? cv::Mat(cv::min(change_, change)) : change;
+      result_.motion_cue = true;
+    };
+    compare(frame_.previous, frame_.previous_from_current, &result_.previous_from_current);
+    if (!options_.look_ahead) return;
+    compare(frame_.next, frame_.next_from_current, &result_.next_from_current);
+  }
+
+  // Of the background, from this picture to another; none where it is not seen.
+  cv::Matx33d MotionTo(const cv::Mat& other, std::optional<BackgroundPoints>* background) const {
+    if (!options_.estimate_background_motion) return cv::Matx33d::eye();
+    if (!*background) {
       cv::Mat exclude(frame_.picture.size(), CV_8U, cv::Scalar(0));
       cv::Mat near = trimap_ != kTrimapBackground;
       cv::resize(near, near, crop_.size(), 0, 0, cv::INTER_NEAREST);
       near(cv::Rect({}, result_.roi.size())).copyTo(exclude(result_.roi));
-      motion = EstimateBackgroundMotion(frame_.previous, frame_.picture, exclude).value_or(motion);
+      background->emplace(frame_.picture, exclude);
     }
-    cv::Mat before;
+    return (*background)->MotionTo(other).value_or(cv::Matx33d::eye());
+  }
+
+  // Another picture's crop at the small size, as if its background were where this picture's is.
+  cv::Mat Displaced(const cv::Mat& other, const cv::Matx33d& motion) const {
+    cv::Mat displaced;
     if (motion == cv::Matx33d::eye()) {
-      before = ToBgr8(Crop(frame_.previous, crop_));
-      for (int i = 0; i < num_halvings_; ++i) before = Halved(before);
-    } else {
-      // From small pixels of the crop to the picture's, centre to centre, then to the one before.
-      const double block = 1 << num_halvings_;
-      const double centre = (block - 1) / 2;
-      const cv::Matx33d picture_from_small(block, 0, crop_.x + centre, 0, block, crop_.y + centre,
-                                           0, 0, 1);
-      cv::Mat source = ToBgr8(frame_.previous);
-      cv::warpPerspective(source, before, motion * picture_from_small, small().size(),
-                          cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+      displaced = ToBgr8(Crop(other, crop_));
+      for (int i = 0; i < num_halvings_; ++i) displaced = Halved(displaced);
+      return displaced;
     }
-    change_ = SquaredChange(small(), before);
-    result_.motion_cue = true;
-    result_.camera_motion = motion != cv::Matx33d::eye();
-    result_.previous_from_current = motion;
+    // From small pixels of the crop to the picture's, centre to centre, then to the other's.
+    const double block = 1 << num_halvings_;
+    const double centre = (block - 1) / 2;
+    const cv::Matx33d picture_from_small(block, 0, crop_.x + centre, 0, block, crop_.y + centre, 0,
+                                         0, 1);
+    cv::warpPerspective(ToBgr8(other), displaced, motion * picture_from_small, small().size(),
+                        cv::INTER_LINEAR | cv::WARP_INVERSE_MAP, cv::BORDER_REPLICATE);
+    return displaced;
   }
 
   void AddEvidence() {
@@ -484,7 +503,7 @@ class Extraction {
   cv::Mat background_region_;
   cv::Mat1f shape_;     // log-odds from the shape of M
   cv::Mat1f evidence_;  // log-odds from stillness and the caller's probability
-  cv::Mat change_;      // SquaredChange; empty: no motion cue
+  cv::Mat change_;      // least SquaredChange; empty: no motion cue
   cv::Mat1f colours_;   // log-odds of the unknown pixels' colours
   cv::Mat labels_;      // 1 inside; grows to full size
 

@@ -142,15 +142,21 @@ TEST(Silhouette, MovingCameraIsTakenOut) {
   before.camera = {-9, 6};
   before.centre += cv::Point2d(10, 0);
   before.seed = 2;
+  TestSceneOptions after = options;
+  after.camera = {6, 3};
+  after.seed = 3;
   FrameInput frame;
   frame.picture = now.picture;
   frame.previous = MakeScene(before).picture;
+  frame.next = MakeScene(after).picture;
   frame.model_mask = WrongModel(options, 0.025);
   frame.skeleton_mask = now.skeleton;
   const Silhouette s = ExtractSilhouette(frame);
   EXPECT_TRUE(s.camera_motion);
   EXPECT_NEAR(s.previous_from_current(0, 2), -9, 1);
   EXPECT_NEAR(s.previous_from_current(1, 2), 6, 1);
+  EXPECT_NEAR(s.next_from_current(0, 2), 6, 1);
+  EXPECT_NEAR(s.next_from_current(1, 2), 3, 1);
   EXPECT_GT(MaskIou(s.mask, now.truth), 0.96);
 }
 
@@ -193,6 +199,38 @@ TEST(Silhouette, MotionTellsEqualColoursApart) {
     on += MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth) / 4;
   }
   EXPECT_GT(on, off);
+}
+
+// What the figure has just left has changed since the previous picture, but not until the next.
+TEST(Silhouette, TheNextPictureTellsWhatTheActorHasLeft) {
+  TestSceneOptions options;
+  options.same_texture = true;
+  Case c = MakeCase(options, 0.03);
+  SegmentationOptions previous_only;
+  previous_only.look_ahead = false;
+  double one_side = 0, both_sides = 0;
+  for (const cv::Point2d& step :
+       {cv::Point2d(12, 0), cv::Point2d(-12, 0), cv::Point2d(0, 12), cv::Point2d(0, -12)}) {
+    TestSceneOptions before = options, after = options;
+    before.centre -= step;
+    before.seed = 2;
+    after.centre += step;
+    after.seed = 3;
+    c.frame.previous = MakeScene(before).picture;
+    c.frame.next = MakeScene(after).picture;
+    one_side += MaskIou(ExtractSilhouette(c.frame, previous_only).mask, c.scene.truth) / 4;
+    both_sides += MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth) / 4;
+  }
+  EXPECT_GT(both_sides, one_side + 0.005);
+}
+
+TEST(Silhouette, OneNeighbourIsAsGoodAsTheOther) {
+  Case c = MakeCase();
+  const Silhouette behind = ExtractSilhouette(c.frame);
+  std::swap(c.frame.previous, c.frame.next);
+  const Silhouette ahead = ExtractSilhouette(c.frame);
+  EXPECT_TRUE(ahead.motion_cue);
+  EXPECT_EQ(cv::countNonZero(ahead.mask != behind.mask), 0);
 }
 
 TEST(Silhouette, PersonProbabilityDecidesWhereColoursCannot) {

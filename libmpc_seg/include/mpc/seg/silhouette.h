@@ -8,7 +8,7 @@
 //   E(L) = sum_p U_p(L_p) + sum_pq [L_p != L_q] / |p - q|
 //          (gamma exp(-beta |I_p - I_q|^2) + gamma_m exp(-beta_m (|D_p|^2 + |D_q|^2) / 2))
 // over the unknown pixels of the trimap: U colour models, I colours, D change of the colour since
-// the previous picture, background motion taken out.
+// the previous picture, or until the next where that is less, background motion taken out.
 #pragma once
 
 #include <opencv2/core.hpp>
@@ -44,6 +44,7 @@ struct SegmentationOptions {
   double max_cut_size_px = 200;
   bool eight_connected = false;  // neighbours; GrabCut: true
   bool band_colours = true;      // learn from eroded M and outside the band; false: from all of M
+  bool look_ahead = true;        // compare with FrameInput::next too, not only the previous; ours
   bool keep_earlier = true;      // use FrameInput::earlier; ours
   bool clean = true;             // remove islands and small holes
   bool estimate_background_motion = true;  // for the motion cue; false: static camera
@@ -61,7 +62,9 @@ struct SegmentationOptions {
 // Pictures are CV_8UC3 (BGR); CV_8UC1, CV_8UC4 and CV_16U of 1, 3 or 4 channels are converted.
 struct FrameInput {
   cv::Mat picture;
-  cv::Mat previous;  // the picture before it (for the first frame: the next); empty: no motion cue
+  // The pictures before and after it; empty: none. With neither there is no motion cue.
+  cv::Mat previous;
+  cv::Mat next;
   cv::Mat model_mask;          // M, CV_8U, nonzero inside
   cv::Mat skeleton_mask;       // R, CV_8U; empty: none
   cv::Mat person_probability;  // CV_8U (0..255) or CV_32F (0..1), such as a network's; empty: none
@@ -69,8 +72,9 @@ struct FrameInput {
   // clothes that move on their own, and stays undecided.
   cv::Mat earlier;
   BackgroundPlate background;  // what is behind the actor, of the picture's size; empty: unknown
-  // The background's motion where it is known, else estimated when the options say so.
+  // The background's motions where they are known, else estimated when the options say so.
   std::optional<cv::Matx33d> previous_from_current;
+  std::optional<cv::Matx33d> next_from_current;
   // ActorSizePx of the whole actor, when M shows only a part of it; 0: that of M.
   double actor_size_px = 0;
 };
@@ -96,7 +100,9 @@ struct Silhouette {
   double model_iou = 0;        // intersection over union of mask and M
   bool motion_cue = false;     // the motion cue was used
   bool camera_motion = false;  // a motion of the background was taken out
-  cv::Matx33d previous_from_current = cv::Matx33d::eye();  // that motion
+  // That motion.
+  cv::Matx33d previous_from_current = cv::Matx33d::eye();
+  cv::Matx33d next_from_current = cv::Matx33d::eye();
 };
 
 // Deterministic; safe to call from several threads. Any content of the pictures and masks gives a

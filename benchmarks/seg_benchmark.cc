@@ -41,6 +41,9 @@ const Frame& TestFrame() {
     Frame f;
     f.input.picture = now.picture;
     f.input.previous = testing::MakeScene(options).picture;
+    options.centre -= cv::Point2d(50, 20);
+    options.seed = 3;
+    f.input.next = testing::MakeScene(options).picture;
     const testing::MaskErrors errors = {24, 12, 8, 6};
     const testing::SimulatedMasks masks = testing::SimulateMasks(now.truth, errors, 1);
     f.input.model_mask = masks.model;

@@ -232,6 +232,7 @@ TEST_F(SilhouettesTest, SeeTheBackgroundOfACameraThatTurns) {
       internal::BackgroundView::See(clip, internal::ClipView(clip), {}, "silhouettes", {});
   ASSERT_TRUE(view);
   for (const int f : {0, num_frames / 2, num_frames - 1}) EXPECT_LT(difference(*view, f), 3);
+  EXPECT_FALSE(view->rests());
 
   // One look to the other side of the room belongs to no plate.
   motion[1].rotation = Eigen::AngleAxisd(3, Eigen::Vector3d::UnitY()).toRotationMatrix();
@@ -240,6 +241,24 @@ TEST_F(SilhouettesTest, SeeTheBackgroundOfACameraThatTurns) {
   ASSERT_TRUE(without);
   EXPECT_TRUE(without->At(1).empty());
   EXPECT_LT(difference(*without, 0), 3);
+
+  // Nobody has to say that it turns for it not to rest, be it in one picture.
+  clip.camera_motion = {};
+  for (int f = 0; f < num_frames; ++f) {
+    const size_t shown = f == num_frames / 2 ? 1 : 0;
+    cv::imwrite(folder / fmt::format("{:03d}.png", f), pictures[shown]);
+  }
+  const auto nudged =
+      internal::BackgroundView::See(clip, internal::ClipView(clip), {}, "silhouettes", {});
+  ASSERT_TRUE(nudged);
+  EXPECT_FALSE(nudged->rests());
+  for (int f = 0; f < num_frames; ++f) {
+    cv::imwrite(folder / fmt::format("{:03d}.png", f), pictures[0]);
+  }
+  const auto resting =
+      internal::BackgroundView::See(clip, internal::ClipView(clip), {}, "silhouettes", {});
+  ASSERT_TRUE(resting);
+  EXPECT_TRUE(resting->rests());
 }
 
 TEST_F(SilhouettesTest, StopBeforeTheFirstFrame) {

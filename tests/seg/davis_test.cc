@@ -33,6 +33,7 @@ struct ClipFrame {
   int index = 0;
   cv::Mat picture;
   cv::Mat previous;
+  cv::Mat next;
   cv::Mat truth;
 };
 
@@ -63,12 +64,13 @@ std::vector<ClipFrame> LoadClip(bool pan, bool similar = false) {
     return cv::Rect(cvRound(x), cvRound(y), 620, 440);
   };
   std::vector<ClipFrame> frames;
-  for (int i = 0; i < 84; i += Stride()) {
-    const int before = i > 0 ? i - 1 : 1;
+  constexpr int kNumFrames = 84;
+  for (int i = 0; i < kNumFrames; i += Stride()) {
     ClipFrame frame;
     frame.index = i;
     frame.picture = picture(i)(window(i)).clone();
-    frame.previous = picture(before)(window(before)).clone();
+    if (i > 0) frame.previous = picture(i - 1)(window(i - 1)).clone();
+    if (i + 1 < kNumFrames) frame.next = picture(i + 1)(window(i + 1)).clone();
     const cv::Mat mask =
         cv::imread((dir / "mask" / cv::format("%05d.png", i)).string(), cv::IMREAD_GRAYSCALE);
     frame.truth = mask(window(i)) > 0;
@@ -116,6 +118,7 @@ Scores Evaluate(const char* name, const std::vector<ClipFrame>& frames, const Ma
     FrameInput input;
     input.picture = frame.picture;
     input.previous = frame.previous;
+    input.next = frame.next;
     input.model_mask = masks.model;
     input.skeleton_mask = masks.skeleton;
     const double size = ActorSizePx(masks.model);

@@ -150,10 +150,10 @@ float ColourOdds::operator()(const cv::Vec3b& bgr, int x, int y, float plate_den
   }
   const float* density = &densities_[static_cast<size_t>(begin)];
   const auto mix = [&](const LocalColourModel& model) {
-    const float* share = model.Shares(x, y);
-    float sum = outlier_density_ + std::numeric_limits<float>::min();
-    for (int k = 0; k < model.num_components(); ++k) sum += *share++ * *density++;
-    return sum;
+    const Eigen::Map<const Eigen::VectorXf> shares(model.Shares(x, y), model.num_components());
+    const Eigen::Map<const Eigen::VectorXf> densities(density, shares.size());
+    density += shares.size();
+    return shares.dot(densities) + outlier_density_ + std::numeric_limits<float>::min();
   };
   const float actor = mix(actor_);
   const float background = mix(background_);

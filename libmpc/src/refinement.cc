@@ -41,7 +41,7 @@ void ClipRefinementOptions::Validate() const {
 namespace {
 
 constexpr double kUsualError2dMm = 7;    // that w_stab was chosen for
-constexpr double kFirstCutSizePx = 150;  // at most, of a silhouette that only guides the pose
+constexpr double kFirstCutSizePx = 170;  // at most, of a silhouette that only guides the pose
 
 // The batch's poses are as good as the detections they follow: where those err less than the best
 // networks, E_stab gets their precision, and their depth is the more certain.

@@ -78,9 +78,10 @@ class Stage {
         first_extraction_(options.silhouettes.segmentation),
         maker_(clip, view, options.silhouettes, std::move(background)),
         refiner_(clip.character, HeldBy(clip.error_2d_mm, options.frames)) {
-    if (options.frames.level == RefinementLevel::kNone) return;
-    double& cut_size_px = first_extraction_.max_cut_size_px;
-    cut_size_px = std::min(cut_size_px, kFirstCutSizePx);
+    if (options.frames.level != RefinementLevel::kNone) {
+      double& cut_size_px = first_extraction_.max_cut_size_px;
+      cut_size_px = std::min(cut_size_px, kFirstCutSizePx);
+    }
   }
 
   Result Process(internal::ClipFrame frame, CorrespondenceScratch* scratch) const {
@@ -98,10 +99,8 @@ class Stage {
         result.record.batch_true_iou = result.record.silhouette.model_true_iou;
       }
       result.silhouette = silhouette.mask;
-      if (silhouette.motion_cue) {
-        frame.previous_from_current = silhouette.previous_from_current;
-        frame.next_from_current = silhouette.next_from_current;
-      }
+      frame.previous_from_current = silhouette.previous_from_current;
+      frame.next_from_current = silhouette.next_from_current;
       Contour2d contour = IsEvidence(silhouette) ? ExtractContour(silhouette.mask) : Contour2d();
       last_outline_s = ThreadSeconds();
       return contour;

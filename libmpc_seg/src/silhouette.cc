@@ -257,16 +257,17 @@ class Extraction {
     if (options_.gamma_motion == 0 && options_.weight_still == 0) return;
     std::optional<BackgroundPoints> background;
     const auto compare = [&](const cv::Mat& other, const std::optional<cv::Matx33d>& known,
-                             cv::Matx33d* motion) {
+                             std::optional<cv::Matx33d>* used) {
       if (other.empty()) return;
-      *motion = known ? *known : MotionTo(other, &background);
-      result_.camera_motion |= *motion != cv::Matx33d::eye();
-      const cv::Mat change = SquaredChange(small(), Displaced(other, *motion));
+      const cv::Matx33d motion = known ? *known : MotionTo(other, &background);
+      *used = motion;
+      result_.camera_motion |= motion != cv::Matx33d::eye();
+      const cv::Mat change = SquaredChange(small(), Displaced(other, motion));
       change_ = result_.motion_cue ? cv::Mat(cv::min(change_, change)) : change;
       result_.motion_cue = true;
     };
     compare(frame_.previous, frame_.previous_from_current, &result_.previous_from_current);
-    if (!options_.look_ahead) return;
+    if (result_.motion_cue && !options_.look_ahead) return;
     compare(frame_.next, frame_.next_from_current, &result_.next_from_current);
   }
 

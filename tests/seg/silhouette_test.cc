@@ -153,10 +153,12 @@ TEST(Silhouette, MovingCameraIsTakenOut) {
   frame.skeleton_mask = now.skeleton;
   const Silhouette s = ExtractSilhouette(frame);
   EXPECT_TRUE(s.camera_motion);
-  EXPECT_NEAR(s.previous_from_current(0, 2), -9, 1);
-  EXPECT_NEAR(s.previous_from_current(1, 2), 6, 1);
-  EXPECT_NEAR(s.next_from_current(0, 2), 6, 1);
-  EXPECT_NEAR(s.next_from_current(1, 2), 3, 1);
+  ASSERT_TRUE(s.previous_from_current);
+  EXPECT_NEAR((*s.previous_from_current)(0, 2), -9, 1);
+  EXPECT_NEAR((*s.previous_from_current)(1, 2), 6, 1);
+  ASSERT_TRUE(s.next_from_current);
+  EXPECT_NEAR((*s.next_from_current)(0, 2), 6, 1);
+  EXPECT_NEAR((*s.next_from_current)(1, 2), 3, 1);
   EXPECT_GT(MaskIou(s.mask, now.truth), 0.96);
 }
 
@@ -231,6 +233,18 @@ TEST(Silhouette, OneNeighbourIsAsGoodAsTheOther) {
   const Silhouette ahead = ExtractSilhouette(c.frame);
   EXPECT_TRUE(ahead.motion_cue);
   EXPECT_EQ(cv::countNonZero(ahead.mask != behind.mask), 0);
+  EXPECT_TRUE(behind.previous_from_current && !behind.next_from_current);
+  EXPECT_TRUE(ahead.next_from_current && !ahead.previous_from_current);
+}
+
+// The first picture of a clip has no other, in the paper's preset as well.
+TEST(Silhouette, TheNextPictureStandsInForTheFirstPicturesPrevious) {
+  Case c = MakeCase();
+  std::swap(c.frame.previous, c.frame.next);
+  EXPECT_TRUE(ExtractSilhouette(c.frame, SegmentationOptions::Paper()).motion_cue);
+  c.frame.previous = c.frame.next;
+  const Silhouette both = ExtractSilhouette(c.frame, SegmentationOptions::Paper());
+  EXPECT_TRUE(both.previous_from_current && !both.next_from_current);
 }
 
 TEST(Silhouette, PersonProbabilityDecidesWhereColoursCannot) {

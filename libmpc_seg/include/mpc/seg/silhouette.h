@@ -44,7 +44,7 @@ struct SegmentationOptions {
   double max_cut_size_px = 200;
   bool eight_connected = false;  // neighbours; GrabCut: true
   bool band_colours = true;      // learn from eroded M and outside the band; false: from all of M
-  bool look_ahead = true;        // compare with FrameInput::next too, not only the previous; ours
+  bool look_ahead = true;        // use FrameInput::next where there is a previous, too; ours
   bool keep_earlier = true;      // use FrameInput::earlier; ours
   bool clean = true;             // remove islands and small holes
   bool estimate_background_motion = true;  // for the motion cue; false: static camera
@@ -100,9 +100,9 @@ struct Silhouette {
   double model_iou = 0;        // intersection over union of mask and M
   bool motion_cue = false;     // the motion cue was used
   bool camera_motion = false;  // a motion of the background was taken out
-  // That motion.
-  cv::Matx33d previous_from_current = cv::Matx33d::eye();
-  cv::Matx33d next_from_current = cv::Matx33d::eye();
+  // Those motions; none where the picture was not looked at.
+  std::optional<cv::Matx33d> previous_from_current;
+  std::optional<cv::Matx33d> next_from_current;
 };
 
 // Deterministic; safe to call from several threads. Any content of the pictures and masks gives a

@@ -223,7 +223,7 @@ TEST(Silhouette, TheNextPictureTellsWhatTheActorHasLeft) {
     one_side += MaskIou(ExtractSilhouette(c.frame, previous_only).mask, c.scene.truth) / 4;
     both_sides += MaskIou(ExtractSilhouette(c.frame).mask, c.scene.truth) / 4;
   }
-  EXPECT_GT(both_sides, one_side + 0.005);
+  EXPECT_GT(both_sides, one_side + 0.015);  // the greater change in place of the less: 0.009
 }
 
 TEST(Silhouette, OneNeighbourIsAsGoodAsTheOther) {

@@ -1,5 +1,6 @@
 #include "h264_encoder.h"
 
+#include <array>
 #include <opencv2/imgproc.hpp>
 #include <stdexcept>
 
@@ -40,6 +41,10 @@ T* CheckMade(T* made) {
   return made;
 }
 
+// U and V in video range of a BGR colour (BT.601, as OpenCV's own conversion).
+const cv::Matx<float, 2, 4> kChromaOfBgr(0.439F, -0.291F, -0.148F, 128,  //
+                                         -0.071F, -0.368F, 0.439F, 128);
+
 // Planes that follow one another, as OpenCV has them.
 void MakePlanes(AVFrame* frame) {
   const cv::Size size(frame->width, frame->height);
@@ -63,6 +68,7 @@ struct H264Encoder::Impl {
   std::unique_ptr<AVFrame, Free> frame;
   std::unique_ptr<AVPacket, Free> packet;
   AVStream* stream = nullptr;  // the format's
+  cv::Mat halved, chroma;
 
   void Encode(AVFrame* next) {
     Check(avcodec_send_frame(codec.get(), next));
@@ -125,6 +131,15 @@ void H264Encoder::Write(const cv::Mat& picture) {
     i420.rowRange(frame->height, i420.rows).setTo(128);
   } else {
     cv::cvtColor(picture, i420, cv::COLOR_BGR2YUV_I420);
+    // OpenCV takes the chroma of each block's first pixel, which shows it half a pixel aside. The
+    // mean of the block is what other encoders store.
+    cv::resize(picture, impl_->halved, {frame->width / 2, frame->height / 2}, 0, 0, cv::INTER_AREA);
+    cv::transform(impl_->halved, impl_->chroma, kChromaOfBgr);
+    std::array<cv::Mat, 2> planes;
+    for (size_t i = 0; i < 2; ++i) {
+      planes[i] = cv::Mat(impl_->halved.size(), CV_8U, frame->data[i + 1]);
+    }
+    cv::split(impl_->chroma, planes.data());
   }
   ++frame->pts;
   impl_->Encode(frame);

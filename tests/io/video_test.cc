@@ -88,6 +88,39 @@ TEST(VideoTest, FramesPassedOverCount) {
   EXPECT_FALSE(some.Skip());
 }
 
+// Stripes of a hue across and down; where they come back, by their phase.
+TEST(VideoTest, ColoursLieWhereTheyWere) {
+  constexpr int kSide = 160;
+  constexpr double kPeriod = 16;
+  const testing::TempDir dir;
+  for (const bool down : {false, true}) {
+    cv::Mat stripes(kSide, kSide, CV_8UC3);
+    const auto phase_at = [&](int x, int y) { return 2 * CV_PI * (down ? y : x) / kPeriod; };
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const double wave = 60 * std::sin(phase_at(x, y));
+        stripes.at<cv::Vec3b>(y, x) = {cv::saturate_cast<uchar>(128 + wave), 128,
+                                       cv::saturate_cast<uchar>(128 - 0.114 / 0.299 * wave)};
+      }
+    }
+    VideoWriter writer(dir / "a.mp4", kSide, kSide, 25);
+    writer.Write(stripes);
+    writer.Close();
+    cv::Mat read;
+    ASSERT_TRUE(VideoReader(dir / "a.mp4").Read(&read));
+    double sine = 0, cosine = 0;
+    for (int y = 0; y < kSide; ++y) {
+      for (int x = 0; x < kSide; ++x) {
+        const double blue = read.at<cv::Vec3b>(y, x)[0] - 128.0;
+        sine += blue * std::sin(phase_at(x, y));
+        cosine += blue * std::cos(phase_at(x, y));
+      }
+    }
+    EXPECT_NEAR(2 * std::hypot(sine, cosine) / (kSide * kSide), 60, 6) << down;
+    EXPECT_NEAR(std::atan2(cosine, sine) * kPeriod / (2 * CV_PI), 0, 0.05) << down;  // px
+  }
+}
+
 TEST(VideoTest, GreyStaysGrey) {
   const testing::TempDir dir;
   cv::Mat grey(48, 64, CV_8UC1, cv::Scalar(0));

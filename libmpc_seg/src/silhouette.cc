@@ -21,10 +21,11 @@ namespace {
 
 constexpr double kRing = 0.15;          // width of the background outside the band, in actor sizes
 constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours are learnt
-constexpr int kRefinePx = 2;            // around the outline, after each doubling of the size
-constexpr int kMaxColours = 4000;       // per colour model
-constexpr double kErrorReach = 0.15;    // M's error is measured over so many actor sizes
-constexpr double kSharpModel = 0.005;   // M is good when it is off by less, actor sizes; ours
+constexpr double kPiece = 0.04;    // half as thick, in actor sizes: a piece of M that is elsewhere
+constexpr int kRefinePx = 2;       // around the outline, after each doubling of the size
+constexpr int kMaxColours = 4000;  // per colour model
+constexpr double kErrorReach = 0.15;   // M's error is measured over so many actor sizes
+constexpr double kSharpModel = 0.005;  // M is good when it is off by less, actor sizes; ours
 constexpr float kSureOdds = 2;
 constexpr size_t kMinColours = 8;
 constexpr double kOutlierShare = 0.02;
@@ -41,6 +42,15 @@ cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
   cv::Mat small;
   cv::resize(full, small, size, 0, 0, cv::INTER_AREA);
   return small > 127;
+}
+
+// What of a mask is at least twice as thick as a radius.
+cv::Mat Thick(const cv::Mat& mask, double radius) {
+  const int r = std::max(1, static_cast<int>(std::lround(radius)));
+  cv::Mat thick;
+  cv::morphologyEx(mask, thick, cv::MORPH_OPEN,
+                   cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1}));
+  return thick;
 }
 
 // Removes pieces of the actor without a certain pixel that are small, and fills small holes.
@@ -216,8 +226,12 @@ class Extraction {
       if (options_.clip_skeleton) skeleton &= model_;
     }
     cv::Mat1f to_actor = distance_;  // to the outline of M and what was cut before
+    cv::Mat1f inner = distance_;     // to that of M without the pieces that were not cut before
     if (options_.keep_earlier && !frame_.earlier.empty()) {
-      const cv::Mat outside = ~(model_ | SmallMask(Crop(frame_.earlier, crop_), size));
+      const cv::Mat earlier = SmallMask(Crop(frame_.earlier, crop_), size);
+      const cv::Mat pieces = Thick(model_ & ~earlier, kPiece * small_size);
+      if (cv::countNonZero(pieces) > 0) inner = SignedDistance(model_ & ~pieces);
+      const cv::Mat outside = ~(model_ | earlier);
       cv::Mat1f distance;
       cv::distanceTransform(outside, distance, cv::DIST_L2, cv::DIST_MASK_5);
       to_actor = cv::Mat1f(0.5 - distance);
@@ -226,24 +240,24 @@ class Extraction {
     shape_.create(size);
     const auto weight = static_cast<float>(options_.weight_shape);
     for (int y = 0; y < size.height; ++y) {
-      const float* d = distance_[y];
+      const float *d = distance_[y], *in = inner[y];
       const uint8_t* is_skeleton = skeleton.ptr(y);
       uint8_t* trimap = trimap_.ptr(y);
       float* shape = shape_[y];
       for (int x = 0; x < size.width; ++x) {
-        if (d[x] > erode || is_skeleton[x]) {
+        if (in[x] > erode || is_skeleton[x]) {
           trimap[x] = kTrimapForeground;
         } else if (d[x] > 0) {
           trimap[x] = kTrimapUnknownForeground;
         } else {
           trimap[x] = to_actor(y, x) < -dilate ? kTrimapBackground : kTrimapUnknownBackground;
         }
-        shape[x] = weight * (d[x] > 0 ? std::min(d[x] / erode, 1.F)
+        shape[x] = weight * (d[x] > 0 ? std::clamp(in[x] / erode, 0.F, 1.F)
                                       : std::clamp(to_actor(y, x) / dilate, -1.F, 0.F));
       }
     }
     if (options_.band_colours) {
-      actor_region_ = (distance_ > kColourErosion * erode) | (trimap_ == kTrimapForeground);
+      actor_region_ = (inner > kColourErosion * erode) | (trimap_ == kTrimapForeground);
       background_region_ = trimap_ == kTrimapBackground;
     } else {
       actor_region_ = model_ | (trimap_ == kTrimapForeground);

@@ -305,6 +305,29 @@ TEST(Silhouette, WhatAnEarlierCutFoundBeyondTheBandStays) {
   EXPECT_EQ(s.mask.at<uint8_t>(250, 40), 0);
 }
 
+// A flap of M that is elsewhere in the picture, wider than what M's core is taken from.
+TEST(Silhouette, PiecesThatAnEarlierCutDidNotHoldAreOpen) {
+  Case c = MakeCase({}, 0);
+  cv::Mat flap(c.scene.truth.size(), CV_8U, cv::Scalar(0));
+  cv::rectangle(flap, cv::Rect(125, 140, 60, 50), 255, cv::FILLED);
+  const cv::Mat beyond = flap & ~c.scene.truth;
+  c.frame.model_mask = c.scene.truth | flap;
+  const auto left = [&] {
+    const Silhouette s = ExtractSilhouette(c.frame, SegmentationOptions::AfterRefinement());
+    ExpectDefined(s, c.frame);
+    return cv::countNonZero(s.mask & beyond) / static_cast<double>(cv::countNonZero(beyond));
+  };
+  EXPECT_GT(left(), 0.5);
+  c.frame.earlier = c.scene.truth;
+  EXPECT_LT(left(), 0.05);
+  // The earlier cut is not believed where the colours speak against it.
+  const cv::Rect body = cv::boundingRect(c.scene.truth);
+  c.frame.earlier = c.scene.truth.clone();
+  c.frame.earlier(cv::Rect(body.x, body.y + body.height / 3, body.width, 30)).setTo(0);
+  const Silhouette s = ExtractSilhouette(c.frame, SegmentationOptions::AfterRefinement());
+  EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.95);
+}
+
 // Legs that the fitted model has too close together, in colours that hardly tell them from what is
 // behind: outlines as dear as in the first cut keep them closed.
 TEST(Silhouette, AfterRefinementColoursOpenANarrowGap) {

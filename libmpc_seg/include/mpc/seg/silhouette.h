@@ -68,8 +68,8 @@ struct FrameInput {
   cv::Mat model_mask;          // M, CV_8U, nonzero inside
   cv::Mat skeleton_mask;       // R, CV_8U; empty: none
   cv::Mat person_probability;  // CV_8U (0..255) or CV_32F (0..1), such as a network's; empty: none
-  // Cut before, with another M: CV_8U, nonzero inside; empty: none. What it found beyond M's band may be
-  // clothes that move on their own, and stays undecided.
+  // Cut before, with another M: CV_8U, nonzero inside; empty: none. What it found beyond M's band, and thick
+  // pieces of M that it did not find, may be clothes that move on their own, and stay undecided.
   cv::Mat earlier;
   BackgroundPlate background;  // what is behind the actor, of the picture's size; empty: unknown
   // The background's motions where they are known, else estimated when the options say so.

@@ -14,19 +14,33 @@ namespace mpc {
 namespace {
 
 constexpr double kLeastCloth_m = 0.04;
+// Cloth in flight, which the usual rounds leave behind.
+constexpr double kFar_m = 0.01;
+constexpr double kFarShare = 0.02;  // of the outline
+constexpr double kFlight_m = 0.08;  // in place of kLeastCloth_m
+constexpr double kFlightArapWeight = 0.1;
 
-void WeighByDistance(double deviations, Correspondences* correspondences) {
-  const double scale = std::max(RobustScale(*correspondences, deviations), kLeastCloth_m);
+void WeighByDistance(double deviations, double least_m, Correspondences* correspondences) {
+  const double scale = std::max(RobustScale(*correspondences, deviations), least_m);
   for (int c = 0; c < correspondences->size(); ++c) {
     const double q = correspondences->distances[c] / scale;
     correspondences->weights[c] /= (1 + q * q) * (1 + q * q);
   }
 }
 
+bool SomeIsFar(const Correspondences& correspondences) {
+  double far = 0;
+  for (int c = 0; c < correspondences.size(); ++c) {
+    if (std::abs(correspondences.distances[c]) > kFar_m) far += correspondences.weights[c];
+  }
+  return far > kFarShare * correspondences.weights.sum();
+}
+
 }  // namespace
 
 SurfaceRefinementOptions SurfaceRefinementOptions::Paper() {
   SurfaceRefinementOptions options;
+  options.max_flight_rounds = 0;
   options.depth_drift_weight = 0;
   options.robust_deviations = 0;
   options.correspondences = CorrespondenceOptions::Paper();
@@ -43,6 +57,7 @@ void SurfaceRefinementOptions::Validate() const {
   for (const double weight : arap_weights) {
     check(weight > 0 && std::isfinite(weight), "arap_weights", weight, "positive numbers");
   }
+  check(max_flight_rounds >= 0, "max_flight_rounds", max_flight_rounds, "0 or more");
   check(depth_drift_weight >= 0 && std::isfinite(depth_drift_weight), "depth_drift_weight",
         depth_drift_weight, "0 or more");
   check(robust_deviations >= 0 && std::isfinite(robust_deviations), "robust_deviations",
@@ -82,7 +97,9 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
   result.field = WarpField::Identity(graph_.num_nodes());
   const ContourIndex index = IndexSilhouette(silhouette, camera);
   if (index.contour().points.cols() == 0) return result;
-  for (const double arap_weight : options_.arap_weights) {
+  const auto num_usual = static_cast<int>(options_.arap_weights.size());
+  for (int round = 0; round < num_usual + options_.max_flight_rounds; ++round) {
+    const bool flight = round >= num_usual;
     Correspondences correspondences = FindCorrespondences(
         camera, result.vertices, topology_, parts_, index, options_.correspondences, scratch);
     if (correspondences.size() == 0) {
@@ -92,8 +109,13 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
       }
       break;
     }
-    if (options_.robust_deviations > 0)
-      WeighByDistance(options_.robust_deviations, &correspondences);
+    if (flight && !SomeIsFar(correspondences)) break;
+    if (options_.robust_deviations > 0) {
+      WeighByDistance(options_.robust_deviations, flight ? kFlight_m : kLeastCloth_m,
+                      &correspondences);
+    }
+    const double arap_weight =
+        flight ? kFlightArapWeight : options_.arap_weights[static_cast<size_t>(round)];
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
                                  {arap_weight, options_.depth_drift_weight});
     const SurfaceSolve solve =

@@ -47,7 +47,11 @@ cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
 // What of a mask is at least twice as thick as a radius.
 cv::Mat Thick(const cv::Mat& mask, double radius) {
   const int r = std::max(1, static_cast<int>(std::lround(radius)));
+  // Mostly nothing: what a square inside of the disc tells for a tenth of the time.
+  const int half_side = 7 * r / 10;
   cv::Mat thick;
+  cv::erode(mask, thick, cv::Mat::ones(2 * half_side + 1, 2 * half_side + 1, CV_8U));
+  if (cv::countNonZero(thick) == 0) return thick;
   cv::morphologyEx(mask, thick, cv::MORPH_OPEN,
                    cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1}));
   return thick;

@@ -71,7 +71,7 @@ void SolveSurfaceCeres(benchmark::State& state) {
 }
 BENCHMARK(SolveSurfaceCeres)->Unit(benchmark::kMillisecond);
 
-// Correspondences, tables, solutions and warp of both iterations.
+// Correspondences, tables, solutions and warp of all rounds.
 void RefineSurface(benchmark::State& state) {
   const Frame& frame = TestFrame();
   const SurfaceRefiner refiner(frame.person.character, frame.graph);

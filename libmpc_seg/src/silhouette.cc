@@ -58,33 +58,26 @@ cv::Mat Thick(const cv::Mat& mask, double radius) {
 }
 
 // Removes pieces of the actor without a certain pixel that are small, and fills small holes.
-void RemoveSpecks(const cv::Mat& whole_trimap, double model_area, cv::Mat* whole_labels) {
-  // With a ring around it, in which all of the background outside hangs together.
-  const cv::Rect box = MaskBounds(*whole_labels);
-  if (box.empty()) return;
-  const cv::Rect around = Grown(box, 1, whole_labels->size());
-  const cv::Mat trimap = whole_trimap(around);
-  cv::Mat labels = (*whole_labels)(around);
+void RemoveSpecks(const cv::Mat& trimap, double model_area, cv::Mat* labels) {
+  std::vector<std::vector<cv::Point>> outlines;
+  std::vector<cv::Vec4i> tree;  // per outline the next, previous, first inner and outer one
+  cv::findContours(*labels, outlines, tree, cv::RETR_CCOMP, cv::CHAIN_APPROX_NONE);
   for (const bool inside : {true, false}) {
-    cv::Mat1i region;
-    const int n = cv::connectedComponents(labels == (inside ? 1 : 0), region, inside ? 8 : 4);
-    if (n <= 2) continue;
     const TrimapLabel certain = inside ? kTrimapForeground : kTrimapBackground;
-    std::vector<double> area(static_cast<size_t>(n), 0);  // without limit where there is one
-    for (int y = 0; y < region.rows; ++y) {
-      const int* in = region[y];
-      const uint8_t* known = trimap.ptr(y);
-      for (int x = 0; x < region.cols; ++x) {
-        area[static_cast<size_t>(in[x])] += known[x] == certain ? model_area + 1 : 1;
-      }
-    }
-    area[0] = model_area + 1;  // the other side
     const double small = (inside ? kMinIsland : kMaxHole) * model_area;
-    if (*std::min_element(area.begin(), area.end()) >= small) continue;
-    for (int y = 0; y < region.rows; ++y) {
-      for (int x = 0; x < region.cols; ++x) {
-        if (area[static_cast<size_t>(region(y, x))] < small) labels.ptr(y)[x] = !inside;
-      }
+    for (size_t i = 0; i < outlines.size(); ++i) {
+      const bool is_hole = tree[i][3] >= 0;
+      // A hole's outline, on the pixels around it, has at most about twice its area within.
+      if (is_hole == inside || cv::contourArea(outlines[i]) > 2 * small) continue;
+      const cv::Rect box = cv::boundingRect(outlines[i]);
+      cv::Mat piece = (*labels)(box);
+      cv::Mat filled(box.size(), CV_8U, cv::Scalar(0));
+      cv::drawContours(filled, outlines, static_cast<int>(i), 255, cv::FILLED, cv::LINE_8,
+                       cv::noArray(), 0, -box.tl());
+      filled &= piece == (inside ? 1 : 0);
+      if (cv::countNonZero(filled) >= small) continue;
+      if (cv::countNonZero(filled & (trimap(box) == certain)) > 0) continue;
+      piece.setTo(inside ? 0 : 1, filled);
     }
   }
 }
@@ -217,38 +210,49 @@ class Extraction {
   // Trimap (Eq. 9), regions to learn from, and the log-odds that the shape of M gives.
   void MakeBand() {
     const cv::Size size = small().size();
-    distance_ = SignedDistance(model_);
-    double deepest = 0;
-    cv::minMaxLoc(distance_, nullptr, &deepest);
     const double small_size = std::ldexp(actor_size_, -num_halvings_);
-    const auto dilate = static_cast<float>(options_.dilate * small_size);
-    // Something of a thin actor stays, or there would be no certain foreground.
-    const auto erode = static_cast<float>(std::min(options_.erode * small_size, 0.7 * deepest));
     cv::Mat skeleton(size, CV_8U, cv::Scalar(0));
     if (!frame_.skeleton_mask.empty()) {
       skeleton = SmallMask(Crop(frame_.skeleton_mask, crop_), size);
       if (options_.clip_skeleton) skeleton &= model_;
     }
+    cv::Mat earlier;
+    if (options_.keep_earlier && !frame_.earlier.empty()) {
+      earlier = SmallMask(Crop(frame_.earlier, crop_), size);
+    }
+    const cv::Mat actor = earlier.empty() ? model_ : cv::Mat(model_ | earlier);
+    const auto dilate = static_cast<float>(options_.dilate * small_size);
+    near_ = Grown(MaskBounds(actor | skeleton), static_cast<int>(dilate) + 2, size);
+    const auto far = static_cast<float>(size.width + size.height);
+    const auto distance_to = [&](const cv::Mat& mask) {
+      cv::Mat1f distance(size, -far);
+      SignedDistance(mask(near_)).copyTo(distance(near_));
+      return distance;
+    };
+    distance_ = distance_to(model_);
+    double deepest = 0;
+    cv::minMaxLoc(distance_(near_), nullptr, &deepest);
+    // Something of a thin actor stays, or there would be no certain foreground.
+    const auto erode = static_cast<float>(std::min(options_.erode * small_size, 0.7 * deepest));
     cv::Mat1f to_actor = distance_;  // to the outline of M and what was cut before
     cv::Mat1f inner = distance_;     // to that of M without the pieces that were not cut before
-    if (options_.keep_earlier && !frame_.earlier.empty()) {
-      const cv::Mat earlier = SmallMask(Crop(frame_.earlier, crop_), size);
+    if (!earlier.empty()) {
+      cv::Mat1f outside;
+      cv::distanceTransform(~actor(near_), outside, cv::DIST_L2, cv::DIST_MASK_5);
+      to_actor = cv::Mat1f(size, -far);
+      cv::Mat(0.5 - outside).copyTo(to_actor(near_));
       const cv::Mat pieces = Thick(model_ & ~earlier, kPiece * small_size);
-      if (cv::countNonZero(pieces) > 0) inner = SignedDistance(model_ & ~pieces);
-      const cv::Mat outside = ~(model_ | earlier);
-      cv::Mat1f distance;
-      cv::distanceTransform(outside, distance, cv::DIST_L2, cv::DIST_MASK_5);
-      to_actor = cv::Mat1f(0.5 - distance);
+      if (cv::countNonZero(pieces) > 0) inner = distance_to(model_ & ~pieces);
     }
-    trimap_.create(size, CV_8U);
-    shape_.create(size);
+    trimap_ = cv::Mat(size, CV_8U, cv::Scalar(kTrimapBackground));
     const auto weight = static_cast<float>(options_.weight_shape);
-    for (int y = 0; y < size.height; ++y) {
+    shape_ = cv::Mat1f(size, -weight);
+    for (int y = near_.y; y < near_.br().y; ++y) {
       const float *d = distance_[y], *in = inner[y];
       const uint8_t* is_skeleton = skeleton.ptr(y);
       uint8_t* trimap = trimap_.ptr(y);
       float* shape = shape_[y];
-      for (int x = 0; x < size.width; ++x) {
+      for (int x = near_.x; x < near_.br().x; ++x) {
         if (in[x] > erode || is_skeleton[x]) {
           trimap[x] = kTrimapForeground;
         } else if (d[x] > 0) {
@@ -383,19 +387,23 @@ class Extraction {
                            options_.band_colours ? kOutlierShare : 0,
                            /*exact=*/options_.max_cut_size_px == 0);
       ReadColours();
+      if (options_.weight_measured > 0 && !frame_.earlier.empty()) {
+        // To measure M's error by, the earlier silhouette will do.
+        labels_ = SmallMask(Crop(frame_.earlier, crop_), small().size()) & 1;
+        continue;
+      }
       SetLogOdds(0, {}, &problem);
-      // To measure M's error by, the earlier silhouette will do.
-      const bool cut_before = options_.weight_measured > 0 && !frame_.earlier.empty();
-      labels_ = cut_before ? SmallMask(Crop(frame_.earlier, crop_), small().size()) & 1
-                           : SolveGridCut(problem).labels;
+      labels_ = SolveGridCut(problem).labels;
     }
     if (options_.weight_measured > 0) {
       const double small_size = std::ldexp(actor_size_, -num_halvings_);
       const cv::Mat1f precision =
           MeasurePrecision(distance_, labels_, PicturesCertainty(), kErrorReach * small_size);
-      shape_ += options_.weight_measured * OutlineOdds(distance_, precision);
-      problem.strength = OutlineStrength(distance_, precision, options_.outline_discount,
-                                         kSharpModel * small_size);
+      const cv::Mat1f distance = distance_(near_), near_precision = precision(near_);
+      shape_(near_) += options_.weight_measured * OutlineOdds(distance, near_precision);
+      problem.strength = cv::Mat1f(labels_.size(), 1.F);
+      OutlineStrength(distance, near_precision, options_.outline_discount, kSharpModel * small_size)
+          .copyTo(problem.strength(near_));
       SetLogOdds(0, {}, &problem);
       labels_ = SolveGridCut(problem).labels;
     }
@@ -516,7 +524,8 @@ class Extraction {
 
   // At the small size.
   cv::Mat model_;
-  cv::Mat1f distance_;  // to the outline of M
+  cv::Rect near_;       // beyond, all is certain background
+  cv::Mat1f distance_;  // to the outline of M, in near_
   cv::Mat trimap_;
   cv::Mat actor_region_;
   cv::Mat background_region_;

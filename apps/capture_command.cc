@@ -11,6 +11,7 @@
 #include "mpc/core/units.h"
 #include "mpc/mpc.h"
 #include "silhouette_summary.h"
+#include "threads_option.h"
 
 namespace monoperfcap {
 namespace {
@@ -136,8 +137,7 @@ Command AddCaptureCommand(CLI::App* parent) {
       ->check(CLI::Range(0.5, 2.5));
   app->add_option("--image-fps", inputs.image_fps, "Frames per second of a folder of pictures")
       ->check(CLI::Range(0.1, 1000.0));
-  app->add_option("--threads", arguments->num_threads, "Threads; 0: all cores")
-      ->check(CLI::Range(0, 1024));
+  AddThreadsOption(app, &arguments->num_threads);
   CLI::Option* const masks = app->add_option(
       "--masks", inputs.masks,
       "Your own masks in place of extracted silhouettes: a video, or a folder of pictures");

@@ -18,6 +18,7 @@
 #include "mpc/io/pc2.h"
 #include "mpc/skeleton/world.h"
 #include "mpc/take.h"
+#include "threads_option.h"
 #include "worst_frames.h"
 
 namespace monoperfcap {
@@ -204,8 +205,7 @@ Command AddEvalCommand(CLI::App* parent) {
   app->add_option("--html", arguments->html, "The page with plots; default: TAKE/evaluation.html")
       ->type_name("FILE");
   app->add_flag("--no-html", arguments->no_html, "No page");
-  app->add_option("--threads", arguments->num_threads, "Threads; 0: all cores")
-      ->check(CLI::Range(0, 1024));
+  AddThreadsOption(app, &arguments->num_threads);
   app->add_flag("--quiet", arguments->quiet, "No progress");
   return {app, [arguments, json] {
             arguments->wants_json = json->count() > 0;

@@ -12,6 +12,7 @@
 #include "mpc/io/gltf.h"
 #include "mpc/io/pc2.h"
 #include "mpc/mpc.h"
+#include "threads_option.h"
 
 namespace monoperfcap {
 namespace {
@@ -115,8 +116,7 @@ Command AddRenderCommand(CLI::App* parent) {
   app->add_option("--fps", arguments->fps, "Frames per second of a point cache")
       ->check(CLI::Range(0.1, 1000.0))
       ->capture_default_str();
-  app->add_option("--threads", options.num_threads, "Threads; 0: all cores")
-      ->check(CLI::Range(0, 1024));
+  AddThreadsOption(app, &options.num_threads);
   app->add_flag("--quiet", arguments->quiet, "No progress");
   return {app, [arguments] { return Run(*arguments); }};
 }

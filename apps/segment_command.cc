@@ -6,6 +6,7 @@
 #include "console.h"
 #include "mpc/mpc.h"
 #include "silhouette_summary.h"
+#include "threads_option.h"
 
 namespace monoperfcap {
 namespace {
@@ -61,8 +62,7 @@ Command AddSegmentCommand(CLI::App* parent) {
   app->add_option("--true-masks", options.true_masks,
                   "Masks to compare with: a video, or a folder of pictures");
   app->add_flag("--png", options.pictures, "Write masks/000000.png, ... too");
-  app->add_option("--threads", arguments->num_threads, "Threads; 0: all cores")
-      ->check(CLI::Range(0, 1024));
+  AddThreadsOption(app, &arguments->num_threads);
   app->add_flag("--no-overlay", arguments->no_overlay, "Do not make overlay.mp4");
   app->add_flag("--quiet", arguments->quiet, "No progress");
   return {app, [arguments] { return Run(*arguments); }};

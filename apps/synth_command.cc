@@ -8,6 +8,7 @@
 #include "mpc/core/units.h"
 #include "mpc/eval/motions.h"
 #include "synthetic_clip.h"
+#include "threads_option.h"
 
 namespace monoperfcap {
 namespace {
@@ -130,9 +131,7 @@ Command AddSynthCommand(CLI::App* parent) {
   app->add_option("--seed", request.options.seed, "Of everything that is drawn by chance")
       ->check(CLI::Range(std::uint64_t{0}, (std::uint64_t{1} << 53) - 1))  // a number in JSON
       ->capture_default_str();
-  app->add_option("--threads", request.num_threads, "0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->capture_default_str();
+  AddThreadsOption(app, &request.num_threads);
   app->add_flag("--quiet", request.quiet, "No progress");
   return {app, [arguments] { return Run(*arguments); }};
 }

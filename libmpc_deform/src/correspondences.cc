@@ -18,6 +18,10 @@ constexpr double kPictureBorder_px = 2;
 constexpr double kAlwaysNear_px = 2;
 // Half the width of the window in which vertices share their length of outline, m.
 constexpr double kLengthWindow_m = 0.02;
+// Of AddUnexplained.
+constexpr double kExplained_m = 0.015;
+constexpr double kFarthest_m = 0.3;
+constexpr double kRoughlyCos = 0.2;
 
 // Vertices of the outline by their x, and who lies within reach of one and faces the same way.
 class OutlineOrder {
@@ -59,6 +63,21 @@ class OutlineOrder {
 
 double PxPerMetre(const Camera& camera, const Eigen::Matrix3Xf& positions, int vertex) {
   return std::max(camera.fx, camera.fy) / positions(2, vertex);
+}
+
+Eigen::VectorXd PxPerMetre(const Camera& camera, const Eigen::Matrix3Xf& positions,
+                           const std::vector<int>& vertices) {
+  Eigen::VectorXd px_per_m(std::ssize(vertices));
+  for (size_t i = 0; i < vertices.size(); ++i) {
+    px_per_m[static_cast<Eigen::Index>(i)] = PxPerMetre(camera, positions, vertices[i]);
+  }
+  return px_per_m;
+}
+
+// Of vertices from their targets, along the targets' normals, m.
+Eigen::VectorXd DistancesAlong(const Eigen::Matrix2Xd& normals, const Eigen::Matrix2Xd& way,
+                               const Eigen::VectorXd& px_per_m) {
+  return way.cwiseProduct(normals).colwise().sum().transpose().cwiseQuotient(px_per_m);
 }
 
 // Leaves out vertices within reach of one that stays.
@@ -208,10 +227,7 @@ Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& posit
   Correspondences found;
   found.num_boundary = static_cast<int>(outline.vertices.size());
   if (found.num_boundary == 0) return found;
-  Eigen::VectorXd px_per_m(found.num_boundary);
-  for (int i = 0; i < found.num_boundary; ++i) {
-    px_per_m[i] = PxPerMetre(camera, positions_in_camera, outline.vertices[static_cast<size_t>(i)]);
-  }
+  const Eigen::VectorXd px_per_m = PxPerMetre(camera, positions_in_camera, outline.vertices);
   const Eigen::VectorXd weights = options.weigh_by_length
                                       ? LengthWeights(outline, px_per_m)
                                       : Eigen::VectorXd::Ones(found.num_boundary);
@@ -228,10 +244,46 @@ Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& posit
   found.targets = silhouette.contour().points(Eigen::all, points);
   found.normals = silhouette.contour().normals(Eigen::all, points);
   found.weights = weights(kept);
-  const Eigen::Matrix2Xd way = outline.pixels(Eigen::all, kept) - found.targets;
-  found.distances =
-      way.cwiseProduct(found.normals).colwise().sum().transpose().cwiseQuotient(px_per_m(kept));
+  found.distances = DistancesAlong(found.normals, outline.pixels(Eigen::all, kept) - found.targets,
+                                   px_per_m(kept));
   return found;
+}
+
+void AddUnexplained(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
+                    const ModelBoundary& outline, const ContourIndex& silhouette,
+                    const CorrespondenceOptions& options, Correspondences* found) {
+  if (outline.vertices.empty()) return;
+  const Eigen::VectorXd px_per_m = PxPerMetre(camera, positions_in_camera, outline.vertices);
+  const double typical = px_per_m.mean(), same_cos = std::cos(options.max_angle_rad);
+  const Contour2d& contour = silhouette.contour();
+  const ContourIndex model({outline.pixels, outline.normals});
+  std::vector<int> columns, points;
+  for (int i = 0; i < contour.points.cols(); ++i) {
+    const Eigen::Vector2d point = contour.points.col(i), normal = contour.normals.col(i);
+    if (model.Nearest(point, normal, kExplained_m * typical, same_cos) >= 0) continue;
+    const int nearest = model.Nearest(point, normal, kFarthest_m * typical, kRoughlyCos);
+    if (nearest < 0) continue;
+    columns.push_back(nearest);
+    points.push_back(i);
+    found->vertices.push_back(outline.vertices[static_cast<size_t>(nearest)]);
+  }
+  const auto append = [](const auto& more, auto* all) {
+    const auto before = all->cols();
+    all->conservativeResize(Eigen::NoChange, before + more.cols());
+    all->rightCols(more.cols()) = more;
+  };
+  const Eigen::Matrix2Xd targets = contour.points(Eigen::all, points);
+  const Eigen::Matrix2Xd normals = contour.normals(Eigen::all, points);
+  const Eigen::VectorXd distances =
+      DistancesAlong(normals, outline.pixels(Eigen::all, columns) - targets, px_per_m(columns));
+  append(targets, &found->targets);
+  append(normals, &found->normals);
+  found->distances.conservativeResize(found->size());
+  found->distances.tail(distances.size()) = distances;
+  found->weights.conservativeResize(found->size());
+  found->weights.tail(distances.size())
+      .setConstant(static_cast<double>(found->num_boundary) /
+                   static_cast<double>(contour.points.cols()));
 }
 
 double RobustScale(const Correspondences& correspondences, double deviations) {

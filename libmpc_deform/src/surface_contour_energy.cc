@@ -31,7 +31,7 @@ void CheckSizes(const DeformationGraph& graph, const Eigen::Matrix3Xf& posed,
         ErrorCode::kInvalidArgument,
         fmt::format("surface energy: a correspondence of vertex {} of {}", v, posed.cols()));
   }
-  if (correspondences.num_boundary < count) {
+  if (count > 0 && correspondences.num_boundary <= 0) {
     throw Error(ErrorCode::kInvalidArgument,
                 fmt::format("surface energy: {} correspondences of {} boundary vertices", count,
                             correspondences.num_boundary));

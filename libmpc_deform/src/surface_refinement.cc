@@ -14,11 +14,10 @@ namespace mpc {
 namespace {
 
 constexpr double kLeastCloth_m = 0.04;
-// Cloth in flight, which the usual rounds leave behind.
-constexpr double kFar_m = 0.01;
+// Cloth in flight, which the usual weights leave behind.
+constexpr double kFar_m = 0.015;
 constexpr double kFarShare = 0.02;  // of the outline
 constexpr double kFlight_m = 0.08;  // in place of kLeastCloth_m
-constexpr double kFlightArapWeight = 0.1;
 
 void WeighByDistance(double deviations, double least_m, Correspondences* correspondences) {
   const double scale = std::max(RobustScale(*correspondences, deviations), least_m);
@@ -40,7 +39,7 @@ bool SomeIsFar(const Correspondences& correspondences) {
 
 SurfaceRefinementOptions SurfaceRefinementOptions::Paper() {
   SurfaceRefinementOptions options;
-  options.max_flight_rounds = 0;
+  options.flight_arap_weight = 0;
   options.depth_drift_weight = 0;
   options.robust_deviations = 0;
   options.correspondences = CorrespondenceOptions::Paper();
@@ -57,7 +56,8 @@ void SurfaceRefinementOptions::Validate() const {
   for (const double weight : arap_weights) {
     check(weight > 0 && std::isfinite(weight), "arap_weights", weight, "positive numbers");
   }
-  check(max_flight_rounds >= 0, "max_flight_rounds", max_flight_rounds, "0 or more");
+  check(flight_arap_weight >= 0 && std::isfinite(flight_arap_weight), "flight_arap_weight",
+        flight_arap_weight, "0 or more");
   check(depth_drift_weight >= 0 && std::isfinite(depth_drift_weight), "depth_drift_weight",
         depth_drift_weight, "0 or more");
   check(robust_deviations >= 0 && std::isfinite(robust_deviations), "robust_deviations",
@@ -97,11 +97,11 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
   result.field = WarpField::Identity(graph_.num_nodes());
   const ContourIndex index = IndexSilhouette(silhouette, camera);
   if (index.contour().points.cols() == 0) return result;
-  const auto num_usual = static_cast<int>(options_.arap_weights.size());
-  for (int round = 0; round < num_usual + options_.max_flight_rounds; ++round) {
-    const bool flight = round >= num_usual;
-    Correspondences correspondences = FindCorrespondences(
-        camera, result.vertices, topology_, parts_, index, options_.correspondences, scratch);
+  for (size_t round = 0; round < options_.arap_weights.size(); ++round) {
+    const ModelBoundary outline =
+        FindOutline(camera, result.vertices, topology_, options_.correspondences, scratch);
+    Correspondences correspondences =
+        MatchOutline(camera, result.vertices, outline, parts_, index, options_.correspondences);
     if (correspondences.size() == 0) {
       if (result.state != RefinementState::kRefined) {
         result.state = correspondences.num_boundary == 0 ? RefinementState::kNoModel
@@ -109,13 +109,16 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
       }
       break;
     }
-    if (flight && !SomeIsFar(correspondences)) break;
+    const bool flight = round > 0 && options_.flight_arap_weight > 0 && SomeIsFar(correspondences);
+    if (flight) {
+      AddUnexplained(camera, result.vertices, outline, index, options_.correspondences,
+                     &correspondences);
+    }
     if (options_.robust_deviations > 0) {
       WeighByDistance(options_.robust_deviations, flight ? kFlight_m : kLeastCloth_m,
                       &correspondences);
     }
-    const double arap_weight =
-        flight ? kFlightArapWeight : options_.arap_weights[static_cast<size_t>(round)];
+    const double arap_weight = flight ? options_.flight_arap_weight : options_.arap_weights[round];
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
                                  {arap_weight, options_.depth_drift_weight});
     const SurfaceSolve solve =

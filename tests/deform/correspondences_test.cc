@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <limits>
+#include <opencv2/imgproc.hpp>
 #include <random>
 
 #include "deform/posed_actor.h"
@@ -115,6 +116,54 @@ TEST_F(CorrespondencesTest, PaperTakesTheClosestPointWithASimilarNormal) {
     EXPECT_EQ(Vector2d(found.targets.col(k)), Vector2d(silhouette_.points.col(best)));
     EXPECT_EQ(Vector2d(found.normals.col(k)), Vector2d(silhouette_.normals.col(best)));
   }
+}
+
+TEST_F(CorrespondencesTest, WhatTheOutlineDoesNotExplainIsAdded) {
+  const Eigen::Matrix3Xf vertices = testing::Vertices(Actor(), truth_);
+  const ModelBoundary outline = Outline(truth_, 0);
+  const auto match = [&](const ContourIndex& silhouette, bool add) {
+    const CorrespondenceOptions options;
+    Correspondences found = MatchOutline(camera_, vertices, outline, parts_, silhouette, options);
+    if (add) AddUnexplained(camera_, vertices, outline, silhouette, options, &found);
+    return found;
+  };
+  const ContourIndex fits = IndexSilhouette(silhouette_, camera_);
+  const Correspondences fitting = match(fits, true);
+  EXPECT_LT(fitting.size(), 1.15 * match(fits, false).size());
+  EXPECT_LT(fitting.distances.cwiseAbs().maxCoeff(), 0.03);
+
+  // A tail of cloth, 20 cm to the right of the model's rightmost pixel in the middle of the picture.
+  cv::Mat mask = testing::MaskOf(camera_, Actor(), truth_);
+  const cv::Mat model = mask.clone();
+  const cv::Rect box = cv::boundingRect(mask);
+  const double px_per_m = camera_.fx / vertices.row(2).mean();
+  const int y = box.y + box.height / 2;
+  int x = mask.cols - 1;
+  while (mask.at<uint8_t>(y, x) == 0) --x;
+  const cv::Point tip(x + cvRound(0.2 * px_per_m), y + 20);
+  cv::fillConvexPoly(mask, std::vector<cv::Point>{{x - 10, y - 40}, tip, {x - 10, y + 40}}, 255);
+  const ContourIndex silhouette = IndexSilhouette(ExtractContour(mask), camera_);
+  const Correspondences before = match(silhouette, false), found = match(silhouette, true);
+  EXPECT_EQ(found.num_boundary, before.num_boundary);
+  ASSERT_GT(found.size(), before.size() + 50);
+  ASSERT_EQ(found.targets.cols(), found.size());
+  double farthest_px = 0;
+  for (int k = 0; k < found.size(); ++k) {
+    const Vector2d target = found.targets.col(k), normal = found.normals.col(k);
+    const Vector2d pixel = testing::PixelOf(
+        camera_, vertices.col(found.vertices[static_cast<size_t>(k)]).cast<double>());
+    const double z = vertices(2, found.vertices[static_cast<size_t>(k)]);
+    EXPECT_NEAR(found.distances[k], normal.dot(pixel - target) * z / camera_.fx, 1e-4);
+    if (k < before.size()) continue;
+    if (std::abs(found.distances[k]) > 0.03) {
+      EXPECT_EQ(model.at<uint8_t>(cvRound(target.y()), cvRound(target.x())), 0);
+    }
+    EXPECT_NEAR(found.weights[k],
+                1.0 * found.num_boundary / static_cast<double>(silhouette.contour().points.cols()),
+                1e-12);
+    farthest_px = std::max(farthest_px, target.x() - x);
+  }
+  EXPECT_GT(farthest_px, 0.7 * (tip.x - x));
 }
 
 TEST_F(CorrespondencesTest, FarTargetsAreRefusedByTheirDistanceInMetres) {

@@ -250,9 +250,12 @@ Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& posit
 }
 
 void AddUnexplained(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
-                    const ModelBoundary& outline, const ContourIndex& silhouette,
-                    const CorrespondenceOptions& options, Correspondences* found) {
+                    const ModelBoundary& outline, const BodyParts& parts,
+                    const ContourIndex& silhouette, const CorrespondenceOptions& options,
+                    Correspondences* found) {
   if (outline.vertices.empty()) return;
+  std::vector<uint8_t> has_targets(static_cast<size_t>(parts.num_parts()), 0);
+  for (const int v : found->vertices) has_targets[static_cast<size_t>(parts.part(v))] = 1;
   const Eigen::VectorXd px_per_m = PxPerMetre(camera, positions_in_camera, outline.vertices);
   const double typical = px_per_m.mean(), same_cos = std::cos(options.max_angle_rad);
   const Contour2d& contour = silhouette.contour();
@@ -263,9 +266,11 @@ void AddUnexplained(const Camera& camera, const Eigen::Matrix3Xf& positions_in_c
     if (model.Nearest(point, normal, kExplained_m * typical, same_cos) >= 0) continue;
     const int nearest = model.Nearest(point, normal, kFarthest_m * typical, kRoughlyCos);
     if (nearest < 0) continue;
+    const int vertex = outline.vertices[static_cast<size_t>(nearest)];
+    if (has_targets[static_cast<size_t>(parts.part(vertex))] == 0) continue;
     columns.push_back(nearest);
     points.push_back(i);
-    found->vertices.push_back(outline.vertices[static_cast<size_t>(nearest)]);
+    found->vertices.push_back(vertex);
   }
   const auto append = [](const auto& more, auto* all) {
     const auto before = all->cols();

@@ -16,7 +16,7 @@ namespace {
 constexpr double kLeastCloth_m = 0.04;
 // Cloth in flight, which the usual weights leave behind.
 constexpr double kFar_m = 0.015;
-constexpr double kFarShare = 0.02;  // of the outline
+constexpr double kFarShare = 0.03;
 constexpr double kFlight_m = 0.08;  // in place of kLeastCloth_m
 
 void WeighByDistance(double deviations, double least_m, Correspondences* correspondences) {
@@ -109,10 +109,14 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
       }
       break;
     }
-    const bool flight = round > 0 && options_.flight_arap_weight > 0 && SomeIsFar(correspondences);
-    if (flight) {
-      AddUnexplained(camera, result.vertices, outline, index, options_.correspondences,
-                     &correspondences);
+    bool flight = false;
+    if (round > 0 && options_.flight_arap_weight > 0) {
+      // What no vertex finds is seen from the silhouette only.
+      Correspondences both_ways = correspondences;
+      AddUnexplained(camera, result.vertices, outline, parts_, index, options_.correspondences,
+                     &both_ways);
+      flight = SomeIsFar(both_ways);
+      if (flight) correspondences = std::move(both_ways);
     }
     if (options_.robust_deviations > 0) {
       WeighByDistance(options_.robust_deviations, flight ? kFlight_m : kLeastCloth_m,

@@ -124,7 +124,7 @@ TEST_F(CorrespondencesTest, WhatTheOutlineDoesNotExplainIsAdded) {
   const auto match = [&](const ContourIndex& silhouette, bool add) {
     const CorrespondenceOptions options;
     Correspondences found = MatchOutline(camera_, vertices, outline, parts_, silhouette, options);
-    if (add) AddUnexplained(camera_, vertices, outline, silhouette, options, &found);
+    if (add) AddUnexplained(camera_, vertices, outline, parts_, silhouette, options, &found);
     return found;
   };
   const ContourIndex fits = IndexSilhouette(silhouette_, camera_);

@@ -87,6 +87,28 @@ TEST_F(SurfaceRefinementTest, ClothInFlightIsFollowedAndNothingElse) {
   EXPECT_GT(iou(Refine(mask)), iou(Refine(mask, never)) + 0.01);
 }
 
+// Its tip is the nearest point of no vertex that faces the same way: only the silhouette tells of it.
+TEST_F(SurfaceRefinementTest, ATailThatNoVertexFindsIsFollowed) {
+  cv::Mat mask = testing::MaskOf(Person(), Person().posed);
+  const cv::Mat model = mask.clone();
+  const cv::Rect box = cv::boundingRect(mask);
+  const int y = box.y + 6 * box.height / 10;
+  int right = mask.cols - 1;
+  while (mask.at<uint8_t>(y, right) == 0) --right;
+  const std::vector<cv::Point> tail = {
+      {right - 10, y - 120}, {right + 60, y + 40}, {right - 10, y + 40}};
+  cv::fillConvexPoly(mask, tail, 255);
+  const auto reached = [&](const SurfaceRefinement& refined) {
+    const cv::Mat surface = testing::MaskOf(Person(), refined.vertices);
+    return static_cast<double>(cv::countNonZero(surface & mask & ~model)) /
+           cv::countNonZero(mask & ~model);
+  };
+  SurfaceRefinementOptions never;
+  never.flight_arap_weight = 0;
+  EXPECT_LT(reached(Refine(mask, never)), 0.3);
+  EXPECT_GT(reached(Refine(mask)), 0.6);
+}
+
 TEST_F(SurfaceRefinementTest, WhatDoesNotFitTheRestPullsLess) {
   cv::Mat mask = testing::MaskOf(Person(), Person().posed);
   const cv::Rect box = cv::boundingRect(mask);

@@ -84,11 +84,12 @@ Correspondences MatchOutline(const Camera& camera, const Eigen::Matrix3Xf& posit
 // Adds the points of the silhouette that the outline does not explain, since none of its vertices that
 // face the same way lies within 1.5 cm: cloth that has flown where no vertex finds a target, and what
 // lies between vertices far apart. Each goes to the nearest vertex of the outline within 30 cm that
-// faces roughly the same way (78 degrees), whatever its part. All points of a silhouette would weigh as
-// much as the model's outline. Ours.
+// faces roughly the same way (78 degrees), if its part has targets: one whose silhouette is missing or
+// wrong stays as it is. All points of a silhouette would weigh as much as the model's outline. Ours.
 void AddUnexplained(const Camera& camera, const Eigen::Matrix3Xf& positions_in_camera,
-                    const ModelBoundary& outline, const ContourIndex& silhouette,
-                    const CorrespondenceOptions& options, Correspondences* found);
+                    const ModelBoundary& outline, const BodyParts& parts,
+                    const ContourIndex& silhouette, const CorrespondenceOptions& options,
+                    Correspondences* found);
 
 // Scale of a robust loss, m: so many standard deviations of the distances, as their median tells it.
 // 0 without correspondences.

@@ -23,8 +23,9 @@ namespace mpc {
 struct SurfaceRefinementOptions {
   // w_arap of each iteration of correspondences and solution, px^2/mm^2, positive; paper.
   std::vector<double> arap_weights = {0.6, 0.2};
-  // w_arap of later iterations, which also reach farther, where the first leaves more than 2 % of the
-  // outline more than 1.5 cm off: cloth in flight, px^2/mm^2, >= 0; ours, 0: never (paper).
+  // w_arap of later iterations, which also reach farther and look from the silhouette too, where more
+  // than 3 % of the outline is still more than 1.5 cm off: cloth in flight, px^2/mm^2, >= 0; ours,
+  // 0: never (paper).
   double flight_arap_weight = 0.06;
   double depth_drift_weight = 2;  // w_ray, px^2/mm^2, >= 0; ours, 0: paper
   // Correspondences count less (Geman-McClure) the farther they go, on a scale of so many standard

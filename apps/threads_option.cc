@@ -5,11 +5,12 @@
 namespace monoperfcap {
 
 void AddThreadsOption(CLI::App* app, int* num_threads) {
-  app->add_option("--threads", *num_threads, "Threads; 0: all cores")
-      ->check(CLI::Range(0, 1024))
-      ->each([](const std::string& given) {
-        if (const int threads = std::stoi(given); threads > 0) cv::setNumThreads(threads);
-      });
+  const auto use = [num_threads](int given) {
+    *num_threads = given;
+    if (given > 0) cv::setNumThreads(given);
+  };
+  app->add_option_function<int>("--threads", use, "Threads; 0: all cores")
+      ->check(CLI::Range(0, 1024));
 }
 
 }  // namespace monoperfcap

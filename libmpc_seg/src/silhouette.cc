@@ -72,8 +72,7 @@ void RemoveSpecks(const cv::Mat& trimap, double model_area, cv::Mat* labels) {
       const cv::Rect box = cv::boundingRect(outlines[i]);
       cv::Mat piece = (*labels)(box);
       cv::Mat filled(box.size(), CV_8U, cv::Scalar(0));
-      cv::drawContours(filled, outlines, static_cast<int>(i), 255, cv::FILLED, cv::LINE_8,
-                       cv::noArray(), 0, -box.tl());
+      cv::fillPoly(filled, outlines[i], 255, cv::LINE_8, 0, -box.tl());
       filled &= piece == (inside ? 1 : 0);
       if (cv::countNonZero(filled) >= small) continue;
       if (cv::countNonZero(filled & (trimap(box) == certain)) > 0) continue;

@@ -4,12 +4,15 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "mpc/seg/mask_bounds.h"
+
 namespace mpc::internal {
 namespace {
 
 constexpr double kNearest = 0.1;  // metres
 constexpr int kMinSide = 128;     // of a halved picture
 constexpr double kOutlineSigmaPx = 1;
+constexpr int kBlurPx = 5;
 constexpr double kSmallFrames = 0.1;  // share of frames in which the actor may be smaller
 
 // How tall the actor would stand in the pictures where it is farthest, but for few frames.
@@ -53,11 +56,21 @@ cv::Mat ClipView::Look(const cv::Mat& picture) const {
 
 cv::Mat EnlargedMask(const cv::Mat& mask, const cv::Size& size) {
   if (mask.size() == size) return mask;
+  // Only around the actor, where the pixels of one size are whole blocks of the other's.
+  const int scale = size.width / mask.cols;
+  cv::Rect from({}, mask.size()), to({}, size);
+  if (from.size() * scale == size) {
+    from = Grown(MaskBounds(mask), kBlurPx / 2 + 1, mask.size());
+    to = {from.tl() * scale, from.size() * scale};
+  }
+  cv::Mat large(size, CV_8U, cv::Scalar(0));
+  if (from.empty()) return large;
   // Blurred first: the outline lies where it is half inside, between the pixels.
-  cv::Mat smooth, large;
-  cv::GaussianBlur(mask, smooth, {5, 5}, kOutlineSigmaPx);
-  cv::resize(smooth, large, size, 0, 0, cv::INTER_LINEAR);
-  return large > 127;
+  cv::Mat near = large(to), smooth;
+  cv::GaussianBlur(mask(from), smooth, {kBlurPx, kBlurPx}, kOutlineSigmaPx);
+  cv::resize(smooth, smooth, near.size(), 0, 0, cv::INTER_LINEAR);
+  cv::compare(smooth, 127, near, cv::CMP_GT);
+  return large;
 }
 
 }  // namespace mpc::internal

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cstdlib>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 namespace mpc {
@@ -11,7 +10,10 @@ namespace mpc {
 template <size_t kDegree>
 int GridFlow<kDegree>::Solve() {
   const auto num_nodes = static_cast<int32_t>(nodes_.size());
-  for (int32_t i = 1; i < num_nodes; ++i) DecideFrom(i);
+  for (int32_t i = 1; i < num_nodes; ++i) {
+    if (IsCertain(nodes_[static_cast<size_t>(i)])) DecideFrom(i);
+  }
+  for (int32_t i = 1; i < num_nodes; ++i) PassOn(&nodes_[static_cast<size_t>(i)]);
   int num_undecided = 0;
   for (int32_t i = 1; i < num_nodes; ++i) {
     Node& node = nodes_[static_cast<size_t>(i)];
@@ -45,18 +47,21 @@ int GridFlow<kDegree>::Solve() {
   return num_undecided;
 }
 
+template <size_t kDegree>
+bool GridFlow<kDegree>::IsCertain(const Node& node) {
+  int32_t links = 0;
+  for (const int32_t capacity : node.capacity) links += capacity;
+  return std::abs(node.surplus) > links && !node.decided;
+}
+
 // A decided node's links become a part of its neighbours' surpluses.
 template <size_t kDegree>
 void GridFlow<kDegree>::DecideFrom(int32_t first) {
-  const auto is_certain = [](const Node& node) {
-    return !node.decided &&
-           std::abs(node.surplus) > std::accumulate(node.capacity.begin(), node.capacity.end(), 0);
-  };
   pending_.push_back(first);
   while (!pending_.empty()) {
     Node& node = nodes_[static_cast<size_t>(pending_.back())];
     pending_.pop_back();
-    if (!is_certain(node)) continue;
+    if (node.decided) continue;
     node.decided = true;
     node.tree = node.surplus > 0 ? Tree::kSource : Tree::kSink;
     for (size_t d = 0; d < kDegree; ++d) {
@@ -65,8 +70,22 @@ void GridFlow<kDegree>::DecideFrom(int32_t first) {
       Node& other = Neighbour(node, d);
       other.capacity[d ^ 1] = 0;
       other.surplus += node.surplus > 0 ? link : -link;
-      if (is_certain(other)) pending_.push_back(node.neighbour[d]);
+      if (IsCertain(other)) pending_.push_back(node.neighbour[d]);
     }
+  }
+}
+
+// Sends surplus to neighbours that can take it: the shortest of all ways, without a search.
+template <size_t kDegree>
+void GridFlow<kDegree>::PassOn(Node* node) {
+  for (size_t d = 0; d < kDegree && node->surplus > 0; ++d) {
+    Node& other = Neighbour(*node, d);
+    const int32_t flow = std::min({node->surplus, node->capacity[d], -other.surplus});
+    if (flow <= 0) continue;
+    node->surplus -= flow;
+    node->capacity[d] -= flow;
+    other.surplus += flow;
+    other.capacity[d ^ 1] += flow;
   }
 }
 

@@ -37,7 +37,7 @@ class GridFlow {
   }
 
   // Decides nodes that no choice of their neighbours could turn, which may decide those in turn, and the
-  // others by the maximum flow. Call once, after all links. Returns how many needed the flow.
+  // others by the maximum flow, which begins between neighbours. Call once, after all links. Returns how many needed the flow.
   int Solve();
 
   // After Solve. Of all minimum cuts this is the one with the fewest nodes on the source's side.
@@ -76,7 +76,9 @@ class GridFlow {
   static size_t ToParent(const Node& node) { return static_cast<uint8_t>(node.parent); }
   Node& Parent(const Node& node) { return Neighbour(node, ToParent(node)); }
 
+  static bool IsCertain(const Node& node);
   void DecideFrom(int32_t node);
+  void PassOn(Node* node);
   void Activate(int32_t node);
   Bridge Grow(int32_t node);
   void Augment(const Bridge& bridge);

@@ -1,6 +1,7 @@
 #include "mpc/seg/colour_model.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <bit>
@@ -74,6 +75,21 @@ std::vector<int> NearestCentres(const ColourColumns& colours,
   return label;
 }
 
+// Of the colours with each label, but of those that no colour has.
+std::vector<Eigen::Vector3f> Means(std::span<const WeightedColour> colours,
+                                   std::span<const int> label, size_t num_labels) {
+  std::vector<Eigen::Vector4d> sums(num_labels, Eigen::Vector4d::Zero());
+  for (size_t i = 0; i < colours.size(); ++i) {
+    const double weight = colours[i].weight;
+    if (weight > 0) sums[label[i]] += weight * colours[i].bgr.homogeneous().cast<double>();
+  }
+  std::vector<Eigen::Vector3f> means;
+  for (const Eigen::Vector4d& sum : sums) {
+    if (sum[3] > 0) means.push_back(sum.hnormalized().cast<float>());
+  }
+  return means;
+}
+
 std::vector<ColourComponent> Components(std::span<const WeightedColour> colours,
                                         std::span<const int> label, int num_labels) {
   struct Sums {
@@ -118,13 +134,12 @@ ColourModel::ColourModel(std::span<const WeightedColour> colours, int max_compon
   for (Eigen::Index i = 0; i < columns.rows(); ++i) {
     columns.row(i) = colours[static_cast<size_t>(i)].bgr.transpose();
   }
-  std::vector<int> label;
-  for (int iteration = 0; iteration < kMeansIterations; ++iteration) {
+  std::vector<int> label = NearestCentres(columns, centres);
+  for (int iteration = 1; iteration < kMeansIterations; ++iteration) {
+    centres = Means(colours, label, centres.size());
     label = NearestCentres(columns, centres);
-    SetComponents(Components(colours, label, static_cast<int>(centres.size())));
-    centres.clear();
-    for (const ColourComponent& c : components_) centres.push_back(c.mean.cast<float>());
   }
+  SetComponents(Components(colours, label, static_cast<int>(centres.size())));
   for (int refit = 0; refit < num_refits; ++refit) {
     for (size_t i = 0; i < colours.size(); ++i) label[i] = LikeliestComponent(colours[i].bgr);
     SetComponents(Components(colours, label, static_cast<int>(components_.size())));

@@ -27,7 +27,7 @@ constexpr int kRefinePx = 2;       // around the outline, after each doubling of
 constexpr int kMaxColours = 4000;  // per colour model
 constexpr double kErrorReach = 0.15;   // M's error is measured over so many actor sizes
 constexpr double kSharpModel = 0.005;  // M is good when it is off by less, actor sizes; ours
-constexpr double kMinRoughPx = 60;     // of a larger actor, half the size measures that error; ours
+constexpr double kRoughBandPx = 10;    // in wider bands half the size measures that error; ours
 constexpr float kSureOdds = 2;
 constexpr size_t kMinColours = 8;
 constexpr double kOutlierShare = 0.02;
@@ -403,7 +403,8 @@ class Extraction {
         continue;
       }
       SetLogOdds(0, {}, &problem);
-      const bool rough = options_.weight_measured > 0 && small_size > kMinRoughPx;
+      const bool rough =
+          options_.weight_measured > 0 && options_.dilate * small_size > kRoughBandPx;
       labels_ = rough ? RoughLabels(problem) : SolveGridCut(problem).labels;
     }
     if (options_.weight_measured > 0) {

@@ -14,7 +14,7 @@ namespace mpc {
 namespace {
 
 constexpr double kGuideTolerance = 0.1;
-constexpr double kLeastCloth_m = 0.04;
+constexpr double kLeastCloth_m = 0.03;
 // Cloth in flight, which the usual weights leave behind.
 constexpr double kFar_m = 0.015;
 constexpr double kFarShare = 0.03;

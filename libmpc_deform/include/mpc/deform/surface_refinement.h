@@ -29,7 +29,7 @@ struct SurfaceRefinementOptions {
   double flight_arap_weight = 0.06;
   double depth_drift_weight = 2;  // w_ray, px^2/mm^2, >= 0; ours, 0: paper
   // Correspondences count less (Geman-McClure) the farther they go, on a scale of so many standard
-  // deviations of all distances in the frame, at least 4 cm; 0: all alike (paper).
+  // deviations of all distances in the frame, at least 3 cm; 0: all alike (paper).
   double robust_deviations = 6;
   CorrespondenceOptions correspondences = {.max_slant_rad = 0.8};
 

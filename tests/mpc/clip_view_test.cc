@@ -112,5 +112,27 @@ TEST(EnlargedMask, KeepsPlaceAndShape) {
   EXPECT_EQ(cv::countNonZero((enlarged != 0) & (enlarged != 255)), 0);
 }
 
+// Only what lies around the mask is looked at where the sizes are whole multiples: as all of it would be,
+// at the picture's border too.
+TEST(EnlargedMask, LosesNothingByLookingAroundTheMaskOnly) {
+  cv::Mat small(90, 120, CV_8U, cv::Scalar(0));
+  cv::circle(small, {6, 40}, 25, 255, cv::FILLED);
+  cv::circle(small, {80, 50}, 9, 255, cv::FILLED);
+  cv::Mat expected;
+  cv::GaussianBlur(small, expected, {5, 5}, 1);
+  for (const cv::Size& size : {cv::Size(240, 180), cv::Size(480, 360), cv::Size(241, 181)}) {
+    cv::Mat large;
+    cv::resize(expected, large, size, 0, 0, cv::INTER_LINEAR);
+    EXPECT_GT(MaskIou(EnlargedMask(small, size), large > 127), 0.999) << size;
+  }
+}
+
+TEST(EnlargedMask, OfNothingIsEmpty) {
+  const cv::Mat nothing(48, 64, CV_8U, cv::Scalar(0));
+  const cv::Mat enlarged = EnlargedMask(nothing, {128, 96});
+  EXPECT_EQ(enlarged.size(), cv::Size(128, 96));
+  EXPECT_EQ(cv::countNonZero(enlarged), 0);
+}
+
 }  // namespace
 }  // namespace mpc::internal

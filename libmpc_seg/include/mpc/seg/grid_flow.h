@@ -37,7 +37,8 @@ class GridFlow {
   }
 
   // Decides nodes that no choice of their neighbours could turn, which may decide those in turn, and the
-  // others by the maximum flow, which begins between neighbours. Call once, after all links. Returns how many needed the flow.
+  // others by the maximum flow, which begins between neighbours. Call once, after all links. Returns how
+  // many needed the flow.
   int Solve();
 
   // After Solve. Of all minimum cuts this is the one with the fewest nodes on the source's side.

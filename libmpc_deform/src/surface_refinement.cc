@@ -13,6 +13,7 @@
 namespace mpc {
 namespace {
 
+// Of solves before the last, which only tell where to look for correspondences next.
 constexpr double kGuideTolerance = 0.1;
 constexpr double kLeastCloth_m = 0.03;
 // Cloth in flight, which the usual weights leave behind.
@@ -126,7 +127,6 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
     const double arap_weight = flight ? options_.flight_arap_weight : options_.arap_weights[round];
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
                                  {arap_weight, options_.depth_drift_weight});
-    // All but the last only tell where to look for correspondences next.
     const bool is_last = round + 1 == options_.arap_weights.size();
     const double tolerance = std::max(options_.relative_tolerance, is_last ? 0 : kGuideTolerance);
     const SurfaceSolve solve = SolveSurface(problem, tolerance, options_.max_steps, &result.field);

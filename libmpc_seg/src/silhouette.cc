@@ -173,6 +173,7 @@ class Extraction {
 
  private:
   const cv::Mat& small() const { return pictures_.back(); }
+  double small_size() const { return std::ldexp(actor_size_, -num_halvings_); }  // of the actor
 
   Silhouette UseModel(SilhouetteState state, const cv::Rect& box) {
     result_.state = state;
@@ -220,7 +221,6 @@ class Extraction {
   // Trimap (Eq. 9), regions to learn from, and the log-odds that the shape of M gives.
   void MakeBand() {
     const cv::Size size = small().size();
-    const double small_size = std::ldexp(actor_size_, -num_halvings_);
     cv::Mat skeleton(size, CV_8U, cv::Scalar(0));
     if (!frame_.skeleton_mask.empty()) {
       skeleton = SmallMask(Crop(frame_.skeleton_mask, crop_), size);
@@ -231,7 +231,7 @@ class Extraction {
       earlier = SmallMask(Crop(frame_.earlier, crop_), size);
     }
     const cv::Mat actor = earlier.empty() ? model_ : cv::Mat(model_ | earlier);
-    const auto dilate = static_cast<float>(options_.dilate * small_size);
+    const auto dilate = static_cast<float>(options_.dilate * small_size());
     near_ = Grown(MaskBounds(actor | skeleton), static_cast<int>(dilate) + 2, size);
     const auto far = static_cast<float>(size.width + size.height);
     const auto distance_to = [&](const cv::Mat& mask) {
@@ -242,7 +242,7 @@ class Extraction {
     distance_ = distance_to(model_);
     const double deepest = Largest(distance_(near_));
     // Something of a thin actor stays, or there would be no certain foreground.
-    const auto erode = static_cast<float>(std::min(options_.erode * small_size, 0.7 * deepest));
+    const auto erode = static_cast<float>(std::min(options_.erode * small_size(), 0.7 * deepest));
     cv::Mat1f to_actor = distance_;  // to the outline of M and what was cut before
     cv::Mat1f inner = distance_;     // to that of M without the pieces that were not cut before
     if (!earlier.empty()) {
@@ -250,7 +250,7 @@ class Extraction {
       cv::distanceTransform(~actor(near_), outside, cv::DIST_L2, cv::DIST_MASK_5);
       to_actor = cv::Mat1f(size, -far);
       cv::Mat(0.5 - outside).copyTo(to_actor(near_));
-      const cv::Mat pieces = Thick(model_ & ~earlier, kPiece * small_size);
+      const cv::Mat pieces = Thick(model_ & ~earlier, kPiece * small_size());
       if (cv::countNonZero(pieces) > 0) inner = distance_to(model_ & ~pieces);
     }
     trimap_ = cv::Mat(size, CV_8U, cv::Scalar(kTrimapBackground));
@@ -381,7 +381,6 @@ class Extraction {
     GridCutProblem problem = Problem(small());
     problem.change = change_;
     problem.trimap = trimap_;
-    const double small_size = std::ldexp(actor_size_, -num_halvings_);
     for (int round = 0; round < options_.num_rounds; ++round) {
       const cv::Mat& actor = round == 0 ? actor_region_ : labels_;
       const cv::Mat background = round == 0 ? background_region_ : cv::Mat(labels_ == 0);
@@ -390,7 +389,7 @@ class Extraction {
       if (std::min(actor_colours.colours.size(), other_colours.colours.size()) < kMinColours) {
         return false;
       }
-      const double reach = options_.colour_reach * small_size;
+      const double reach = options_.colour_reach * small_size();
       actor_model_.emplace(actor_colours, options_.num_components, small().size(), reach);
       background_model_.emplace(other_colours, options_.num_components, small().size(), reach);
       colour_odds_.emplace(*actor_model_, *background_model_,
@@ -403,17 +402,18 @@ class Extraction {
         continue;
       }
       SetLogOdds(0, {}, &problem);
-      const bool rough =
-          options_.weight_measured > 0 && options_.dilate * small_size > kRoughBandPx;
+      const bool only_measures = options_.weight_measured > 0 && round + 1 == options_.num_rounds;
+      const bool rough = only_measures && options_.dilate * small_size() > kRoughBandPx;
       labels_ = rough ? RoughLabels(problem) : SolveGridCut(problem).labels;
     }
     if (options_.weight_measured > 0) {
       const cv::Mat1f precision =
-          MeasurePrecision(distance_, labels_, PicturesCertainty(), kErrorReach * small_size);
+          MeasurePrecision(distance_, labels_, PicturesCertainty(), kErrorReach * small_size());
       const cv::Mat1f distance = distance_(near_), near_precision = precision(near_);
       shape_(near_) += options_.weight_measured * OutlineOdds(distance, near_precision);
       problem.strength = cv::Mat1f(labels_.size(), 1.F);
-      OutlineStrength(distance, near_precision, options_.outline_discount, kSharpModel * small_size)
+      OutlineStrength(distance, near_precision, options_.outline_discount,
+                      kSharpModel * small_size())
           .copyTo(problem.strength(near_));
       SetLogOdds(0, {}, &problem);
       labels_ = SolveGridCut(problem).labels;

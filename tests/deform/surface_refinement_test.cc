@@ -109,6 +109,20 @@ TEST_F(SurfaceRefinementTest, ATailThatNoVertexFindsIsFollowed) {
   EXPECT_GT(reached(Refine(mask)), 0.6);
 }
 
+// Rounds before it only guide the search and are solved roughly. Here it is the only one.
+TEST_F(SurfaceRefinementTest, TheLastRoundIsSolvedToTheTolerance) {
+  const cv::Mat mask =
+      testing::MaskOf(Person(), Person().posed + 3 * (Person().truth - Person().posed));
+  const auto energy = [&](double tolerance) {
+    SurfaceRefinementOptions options;
+    options.arap_weights = {0.2};
+    options.relative_tolerance = tolerance;
+    return Refine(mask, options).cost_after;
+  };
+  const double least = energy(1e-6), rough = energy(0.1);
+  EXPECT_LT(energy(SurfaceRefinementOptions().relative_tolerance) - least, 0.2 * (rough - least));
+}
+
 TEST_F(SurfaceRefinementTest, WhatDoesNotFitTheRestPullsLess) {
   cv::Mat mask = testing::MaskOf(Person(), Person().posed);
   const cv::Rect box = cv::boundingRect(mask);

@@ -355,6 +355,24 @@ TEST(Silhouette, AfterRefinementColoursOpenANarrowGap) {
   }
 }
 
+// Where the picture shows that M is right, M's outline counts where the picture shows none: before a
+// board of the actor's colour.
+TEST(Silhouette, AModelMeasuredToBeGoodHoldsWhereColoursDoNot) {
+  Case c = MakeCase({}, 0);
+  const cv::Mat board(c.scene.truth.size(), CV_8U, cv::Scalar(0));
+  board(cv::Rect(120, 110, 100, 60)).setTo(255);
+  c.frame.picture = c.scene.picture.clone();
+  c.frame.previous = cv::Mat();
+  c.frame.picture.setTo(TestSceneOptions().colour, board & ~c.scene.truth);
+  const auto iou = [&](double weight_measured) {
+    SegmentationOptions options;
+    options.weight_measured = weight_measured;
+    return MaskIou(ExtractSilhouette(c.frame, options).mask, c.scene.truth);
+  };
+  EXPECT_LT(iou(0), 0.98);
+  EXPECT_GT(iou(SegmentationOptions().weight_measured), 0.99);
+}
+
 TEST(Silhouette, PersonOfTheBackgroundsColourGivesTheModel) {
   const TestSceneOptions options;
   const cv::Mat model = WrongModel(options, 0);

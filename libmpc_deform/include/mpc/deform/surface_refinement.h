@@ -33,7 +33,7 @@ struct SurfaceRefinementOptions {
   double robust_deviations = 6;
   CorrespondenceOptions correspondences = {.max_slant_rad = 0.8};
 
-  double relative_tolerance = 1e-3;  // of a solve
+  double relative_tolerance = 1e-3;  // of the last solve; those before it end at 0.1
   int max_steps = 12;                // of a solve, >= 1
 
   // The paper's energy and correspondences.

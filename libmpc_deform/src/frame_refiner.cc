@@ -1,5 +1,7 @@
 #include "mpc/deform/frame_refiner.h"
 
+#include <utility>
+
 #include "mpc/deform/temporal_smoothing.h"
 #include "mpc/skeleton/skinning.h"
 
@@ -58,6 +60,8 @@ FrameRefinement FrameRefiner::Refine(const Camera& camera, const Eigen::VectorXd
   if (surface.state == RefinementState::kRefined) {
     result.displacements = surface.vertices - vertices;
     TurnToBind(*character_, state, &result.displacements);
+    result.surface = std::move(surface.vertices);
+    result.evidence = std::move(surface.evidence);
   }
   return result;
 }

@@ -104,6 +104,10 @@ bool RefinementSmoother::Pop(SmoothedFrame* frame) {
     const float scale = static_cast<float>(1 + shift / centre.norm());
     const Eigen::Vector3f middle = centre.cast<float>();
     frame->vertices = (scale * (frame->vertices.colwise() - middle)).colwise() + middle;
+    const FrameRefinement& refinement = entry(next_).refinement;
+    if (options_.keep_m > 0 && refinement.surface.size() > 0) {
+      KeepSeen(refinement.surface, refinement.evidence, options_.keep_m, &frame->vertices);
+    }
   }
   ++next_;
   while (first_ < std::min(next_ - reach, depth_next_ - depth_reach_)) {

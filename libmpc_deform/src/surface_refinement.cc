@@ -18,6 +18,7 @@ constexpr double kGuideTolerance = 0.1;
 constexpr double kLeastCloth_m = 0.03;
 // Cloth in flight, which the usual weights leave behind.
 constexpr double kFar_m = 0.015;
+constexpr double kVeryFar_m = 0.04;
 constexpr double kFarShare = 0.03;
 constexpr double kFlight_m = 0.08;  // in place of kLeastCloth_m
 
@@ -29,12 +30,32 @@ void WeighByDistance(double deviations, double least_m, Correspondences* corresp
   }
 }
 
-bool SomeIsFar(const Correspondences& correspondences) {
+bool SomeIsFar(const Correspondences& correspondences, double far_m) {
   double far = 0;
   for (int c = 0; c < correspondences.size(); ++c) {
-    if (std::abs(correspondences.distances[c]) > kFar_m) far += correspondences.weights[c];
+    if (std::abs(correspondences.distances[c]) > far_m) far += correspondences.weights[c];
   }
   return far > kFarShare * correspondences.weights.sum();
+}
+
+// Per vertex, over the nodes that it shares with those of the correspondences.
+Eigen::VectorXf Evidence(const DeformationGraph& graph, const Correspondences& correspondences) {
+  const auto for_nodes = [&graph](int v, const auto& visit) {
+    for (Eigen::Index k = 0; k < graph.weights.rows() && graph.weights(k, v) > 0; ++k) {
+      visit(graph.influences(k, v), graph.weights(k, v));
+    }
+  };
+  Eigen::VectorXf of_nodes = Eigen::VectorXf::Zero(graph.num_nodes());
+  for (int c = 0; c < correspondences.size(); ++c) {
+    const auto weight = static_cast<float>(correspondences.weights[c]);
+    for_nodes(correspondences.vertices[static_cast<size_t>(c)],
+              [&](int node, float share) { of_nodes[node] += share * weight; });
+  }
+  Eigen::VectorXf evidence = Eigen::VectorXf::Zero(graph.num_vertices());
+  for (int v = 0; v < graph.num_vertices(); ++v) {
+    for_nodes(v, [&](int node, float share) { evidence[v] += share * of_nodes[node]; });
+  }
+  return evidence;
 }
 
 }  // namespace
@@ -42,6 +63,7 @@ bool SomeIsFar(const Correspondences& correspondences) {
 SurfaceRefinementOptions SurfaceRefinementOptions::Paper() {
   SurfaceRefinementOptions options;
   options.flight_arap_weight = 0;
+  options.max_flight_rounds = 0;
   options.depth_drift_weight = 0;
   options.robust_deviations = 0;
   options.correspondences = CorrespondenceOptions::Paper();
@@ -60,6 +82,7 @@ void SurfaceRefinementOptions::Validate() const {
   }
   check(flight_arap_weight >= 0 && std::isfinite(flight_arap_weight), "flight_arap_weight",
         flight_arap_weight, "0 or more");
+  check(max_flight_rounds >= 0, "max_flight_rounds", max_flight_rounds, "0 or more");
   check(depth_drift_weight >= 0 && std::isfinite(depth_drift_weight), "depth_drift_weight",
         depth_drift_weight, "0 or more");
   check(robust_deviations >= 0 && std::isfinite(robust_deviations), "robust_deviations",
@@ -99,7 +122,9 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
   result.field = WarpField::Identity(graph_.num_nodes());
   const ContourIndex index = IndexSilhouette(silhouette, camera);
   if (index.contour().points.cols() == 0) return result;
-  for (size_t round = 0; round < options_.arap_weights.size(); ++round) {
+  const size_t num_rounds = options_.arap_weights.size();
+  const auto max_rounds = num_rounds + static_cast<size_t>(options_.max_flight_rounds);
+  for (size_t round = 0; round < max_rounds; ++round) {
     const ModelBoundary outline =
         FindOutline(camera, result.vertices, topology_, options_.correspondences, scratch);
     Correspondences correspondences =
@@ -111,24 +136,29 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
       }
       break;
     }
+    const bool only_flight = round >= num_rounds;
     bool flight = false;
     if (round > 0 && options_.flight_arap_weight > 0) {
       // What no vertex finds is seen from the silhouette only.
       Correspondences both_ways = correspondences;
       AddUnexplained(camera, result.vertices, outline, parts_, index, options_.correspondences,
                      &both_ways);
-      flight = SomeIsFar(both_ways);
+      flight = SomeIsFar(both_ways, only_flight ? kVeryFar_m : kFar_m);
       if (flight) correspondences = std::move(both_ways);
     }
+    if (only_flight && !flight) break;
     if (options_.robust_deviations > 0) {
       WeighByDistance(options_.robust_deviations, flight ? kFlight_m : kLeastCloth_m,
                       &correspondences);
     }
-    const double arap_weight = flight ? options_.flight_arap_weight : options_.arap_weights[round];
+    const double arap_weight = only_flight ? options_.arap_weights.back()
+                               : flight    ? options_.flight_arap_weight
+                                           : options_.arap_weights[round];
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
                                  {arap_weight, options_.depth_drift_weight});
-    const bool is_last = round + 1 == options_.arap_weights.size();
-    const double tolerance = std::max(options_.relative_tolerance, is_last ? 0 : kGuideTolerance);
+    const bool only_guides = round + 1 < num_rounds;
+    const double tolerance =
+        std::max(options_.relative_tolerance, only_guides ? kGuideTolerance : 0);
     const SurfaceSolve solve = SolveSurface(problem, tolerance, options_.max_steps, &result.field);
     if (result.state != RefinementState::kRefined) {
       result.state = RefinementState::kRefined;
@@ -137,6 +167,7 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
     }
     result.cost_after = solve.final_cost;
     result.num_steps += solve.steps;
+    result.evidence = Evidence(graph_, correspondences);
     WarpVertices(graph_, result.field, posed, &result.vertices);
   }
   return result;

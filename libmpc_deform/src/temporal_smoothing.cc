@@ -70,6 +70,7 @@ SmoothingOptions SmoothingOptions::Paper() {
   SmoothingOptions options;
   options.degree = 1;
   options.depth_seconds = 0;
+  options.keep_m = 0;
   return options;
 }
 
@@ -84,6 +85,9 @@ void SmoothingOptions::Validate() const {
   if (!(depth_seconds >= 0 && depth_seconds <= 10)) {
     faults += fmt::format("{}depth_seconds is {}, expected 0 to 10", faults.empty() ? "" : "; ",
                           depth_seconds);
+  }
+  if (!(keep_m >= 0 && keep_m <= 10)) {
+    faults += fmt::format("{}keep_m is {}, expected 0 to 10", faults.empty() ? "" : "; ", keep_m);
   }
   if (!faults.empty()) throw Error(ErrorCode::kInvalidArgument, "smoothing: " + faults);
 }
@@ -218,6 +222,24 @@ Eigen::Matrix3Xf SmoothDisplacements(std::span<const Eigen::Matrix3Xf> window,
     smoothed += static_cast<float>(weights[static_cast<Eigen::Index>(i)]) * window[i];
   }
   return smoothed;
+}
+
+void KeepSeen(const Eigen::Matrix3Xf& refined, const Eigen::VectorXf& evidence, double keep_m,
+              Eigen::Matrix3Xf* smoothed) {
+  if (refined.cols() != smoothed->cols() || evidence.size() != smoothed->cols()) {
+    throw Error(ErrorCode::kMismatch,
+                fmt::format("smoothing: {} vertices, {} refined ones with {} weights",
+                            smoothed->cols(), refined.cols(), evidence.size()));
+  }
+  const auto square = static_cast<float>(keep_m * keep_m);
+  for (Eigen::Index v = 0; v < refined.cols(); ++v) {
+    const bool in_front = refined(2, v) > 0 && (*smoothed)(2, v) > 0;
+    if (!in_front || evidence[v] <= 0) continue;
+    const Eigen::Vector3f at_depth = refined.col(v) * ((*smoothed)(2, v) / refined(2, v));
+    const Eigen::Vector3f way = at_depth - smoothed->col(v);
+    const float far = way.squaredNorm() / (way.squaredNorm() + square);
+    smoothed->col(v) += far * evidence[v] / (evidence[v] + 1) * way;
+  }
 }
 
 }  // namespace mpc

@@ -96,6 +96,47 @@ TEST_F(RefinementSmootherTest, DisplacementsMoveWithTheBody) {
   EXPECT_EQ(count, batch_.cols());
 }
 
+// A step that no parabola follows, as the outline shows it: kept where it does, sideways only.
+TEST_F(RefinementSmootherTest, AStepThatTheOutlineShowsIsKept) {
+  batch_ = TransformPoses(Eigen::Matrix3d::Identity(), {0, -1, 4}, batch_.col(0).replicate(1, 24));
+  const Eigen::Index num_vertices = character_.mesh.positions.cols();
+  constexpr Eigen::Index kStep = 12;
+  const auto worst = [&](double keep_m, float evidence, const Eigen::Vector3d& step) {
+    SmoothingOptions options;
+    options.depth_seconds = 0;
+    options.keep_m = keep_m;
+    RefinementSmoother smoother(character_, kFps, options);
+    std::vector<Eigen::Matrix3Xf> surfaces;
+    for (Eigen::Index f = 0; f < batch_.cols(); ++f) {
+      FrameRefinement refinement;
+      refinement.pose_state = RefinementState::kRefined;
+      refinement.pose = batch_.col(f);
+      if (f >= kStep) refinement.pose.head<3>() += step;
+      refinement.displacements.setZero(3, num_vertices);
+      KinematicState state;
+      ForwardKinematics(character_.skeleton, refinement.pose, &state);
+      SkinCharacter(character_, state, &refinement.surface);
+      refinement.evidence.setConstant(num_vertices, evidence);
+      surfaces.push_back(refinement.surface);
+      smoother.Push(batch_.col(f), std::move(refinement));
+    }
+    smoother.End();
+    SmoothedFrame frame;
+    double most = 0;
+    for (size_t f = 0; smoother.Pop(&frame); ++f) {
+      most = std::max<double>(most, (frame.vertices - surfaces[f]).colwise().norm().maxCoeff());
+    }
+    return most;
+  };
+  const Eigen::Vector3d aside(0.2, 0, 0), away(0, 0, 0.2);
+  const double keep_m = SmoothingOptions().keep_m;
+  EXPECT_GT(worst(0, 100, aside), 0.02);
+  EXPECT_LT(worst(keep_m, 100, aside), 0.6 * worst(0, 100, aside));
+  EXPECT_NEAR(worst(keep_m, 0, aside), worst(0, 0, aside), 1e-6);
+  // What the window makes of a depth stays, up to what that moves in the picture.
+  EXPECT_GT(worst(keep_m, 100, away), 0.8 * worst(0, 100, away));
+}
+
 // An actor that silhouettes put nearer and farther from frame to frame is put in between, and looks
 // as it did from the camera.
 TEST_F(RefinementSmootherTest, DepthIsSmoothedAlongTheRay) {

@@ -109,6 +109,34 @@ TEST_F(SurfaceRefinementTest, ATailThatNoVertexFindsIsFollowed) {
   EXPECT_GT(reached(Refine(mask)), 0.6);
 }
 
+TEST_F(SurfaceRefinementTest, WhatFliesFarIsFollowedLonger) {
+  SurfaceRefinementOptions once;
+  once.max_flight_rounds = 0;
+  const Eigen::Matrix3Xf away = Person().truth - Person().posed;
+  // Near enough after the round that all cloth in flight has.
+  const cv::Mat near = testing::MaskOf(Person(), Person().posed + 2 * away);
+  EXPECT_EQ(Refine(near).vertices, Refine(near, once).vertices);
+  const cv::Mat far = testing::MaskOf(Person(), Person().posed + 14 * away);
+  const auto iou = [&](const SurfaceRefinement& refined) {
+    return MaskIou(testing::MaskOf(Person(), refined.vertices), far);
+  };
+  EXPECT_GT(iou(Refine(far)), iou(Refine(far, once)) + 0.01);
+}
+
+// Of a vertex on the outline more than of one in the middle of the chest, and none without a target.
+TEST_F(SurfaceRefinementTest, EvidenceIsWhereTheOutlineIs) {
+  const SurfaceRefinement refined = Refine(testing::MaskOf(Person(), Person().posed));
+  CorrespondenceScratch scratch;
+  const ModelBoundary outline =
+      FindOutline(Person().camera, refined.vertices,
+                  SurfaceTopology::FromMesh(Person().character.mesh), {}, &scratch);
+  ASSERT_EQ(refined.evidence.size(), refined.vertices.cols());
+  EXPECT_GT(refined.evidence(outline.vertices).mean(), 2 * refined.evidence.mean());
+  EXPECT_GE(refined.evidence.minCoeff(), 0);
+  const cv::Mat nobody(Person().camera.height, Person().camera.width, CV_8U, cv::Scalar(0));
+  EXPECT_EQ(Refine(nobody).evidence.size(), 0);
+}
+
 // Rounds before it only guide the search and are solved roughly. Here it is the only one.
 TEST_F(SurfaceRefinementTest, TheLastRoundIsSolvedToTheTolerance) {
   const cv::Mat mask =
@@ -116,6 +144,7 @@ TEST_F(SurfaceRefinementTest, TheLastRoundIsSolvedToTheTolerance) {
   const auto energy = [&](double tolerance) {
     SurfaceRefinementOptions options;
     options.arap_weights = {0.2};
+    options.max_flight_rounds = 0;
     options.relative_tolerance = tolerance;
     return Refine(mask, options).cost_after;
   };

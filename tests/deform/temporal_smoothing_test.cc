@@ -237,6 +237,20 @@ TEST(SmoothDisplacementsTest, TurnsAsSkinningDoes) {
   EXPECT_LT((after - before - displacement).colwise().norm().maxCoeff(), 1e-5);
 }
 
+TEST(KeepSeenTest, GoesSidewaysAsFarAsItIsSeen) {
+  const Eigen::Matrix3Xf refined = Eigen::Vector3f(0.33f, 0, 3).replicate(1, 3);
+  Eigen::Matrix3Xf smoothed = Eigen::Vector3f(0.2f, 0, 2).replicate(1, 3);
+  smoothed(0, 2) = 0.22f;  // the same pixel
+  // 2 cm off at the smoothed depth: a half of the way for a scale of 2 cm, and half of that.
+  KeepSeen(refined, Eigen::Vector3f(1, 0, 1), 0.02, &smoothed);
+  EXPECT_NEAR(smoothed(0, 0), 0.205f, 1e-6f);
+  EXPECT_NEAR(smoothed(0, 1), 0.2f, 1e-6f);
+  EXPECT_NEAR(smoothed(0, 2), 0.22f, 1e-6f);
+  EXPECT_TRUE((smoothed.row(2).array() == 2).all());
+  EXPECT_MPC_ERROR(KeepSeen(refined, Eigen::Vector2f(1, 1), 0.02, &smoothed), kMismatch,
+                   "3 refined ones with 2 weights");
+}
+
 TEST(SmoothDisplacementsTest, BadInputIsRefused) {
   std::vector<Eigen::Matrix3Xf> window(5, Eigen::Matrix3Xf::Zero(3, 4));
   window[3].resize(3, 5);

@@ -27,6 +27,9 @@ struct SurfaceRefinementOptions {
   // than 3 % of the outline is still more than 1.5 cm off: cloth in flight, px^2/mm^2, >= 0; ours,
   // 0: never (paper).
   double flight_arap_weight = 0.06;
+  // Iterations after those, of the last of arap_weights, that reach as far, while more than 3 % of the
+  // outline is still more than 4 cm off; ours, 0: none (paper).
+  int max_flight_rounds = 2;
   double depth_drift_weight = 2;  // w_ray, px^2/mm^2, >= 0; ours, 0: paper
   // Correspondences count less (Geman-McClure) the farther they go, on a scale of so many standard
   // deviations of all distances in the frame, at least 3 cm; 0: all alike (paper).
@@ -51,6 +54,9 @@ struct SurfaceRefinement {
   double cost_before = 0;  // E_surf of the first iteration's start and of the last one's end: their
   double cost_after = 0;   // correspondences and weights differ
   int num_steps = 0;       // of all solves
+  // Per vertex, V, the weight of the correspondences that move it, 1 being that of an average one:
+  // how far the silhouette tells where it is. Empty unless kRefined.
+  Eigen::VectorXf evidence;
 };
 
 class SurfaceRefiner {

@@ -24,6 +24,9 @@ struct SmoothingOptions {
   // Seconds to either side over which the depth that silhouettes gave the whole actor is smoothed
   // first, at most 16 frames: it is the least certain of what they say. 0: not at all (paper).
   double depth_seconds = 0.2;
+  // Where the outline of a frame shows a surface more than about so far sideways of the smoothed one,
+  // metres, it stays there: a blow or a step that no parabola follows. 0: never (paper).
+  double keep_m = 0.015;
 
   // The mean of the window.
   static SmoothingOptions Paper();
@@ -65,5 +68,11 @@ void TurnFromBind(const Character& character, const KinematicState& state,
 // refined. Empty when all are. Throws Error (kInvalidArgument, kMismatch) for wrong sizes.
 Eigen::Matrix3Xf SmoothDisplacements(std::span<const Eigen::Matrix3Xf> window,
                                      const SmoothingOptions& options);
+
+// Moves a smoothed surface (3xV, camera frame) sideways, its depth stays, towards the surface that
+// was refined in this frame: by q^2 / (1 + q^2) of the way, q = the way in keep_m, and by less where
+// the frame's outline says little (SurfaceRefinement::evidence).
+void KeepSeen(const Eigen::Matrix3Xf& refined, const Eigen::VectorXf& evidence, double keep_m,
+              Eigen::Matrix3Xf* smoothed);
 
 }  // namespace mpc

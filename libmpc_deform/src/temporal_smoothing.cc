@@ -15,6 +15,8 @@
 namespace mpc {
 namespace {
 
+constexpr float kSureEvidence = 3;  // correspondences that say half of where a vertex is; ours
+
 // x [-] base: translation, left rotation vector, angles.
 Eigen::VectorXd Difference(const Eigen::VectorXd& x, const Eigen::VectorXd& base) {
   Eigen::VectorXd difference = x - base;
@@ -238,7 +240,7 @@ void KeepSeen(const Eigen::Matrix3Xf& refined, const Eigen::VectorXf& evidence, 
     const Eigen::Vector3f at_depth = refined.col(v) * ((*smoothed)(2, v) / refined(2, v));
     const Eigen::Vector3f way = at_depth - smoothed->col(v);
     const float far = way.squaredNorm() / (way.squaredNorm() + square);
-    smoothed->col(v) += far * evidence[v] / (evidence[v] + 1) * way;
+    smoothed->col(v) += far * evidence[v] / (evidence[v] + kSureEvidence) * way;
   }
 }
 

@@ -15,6 +15,7 @@
 #include "mpc/seg/mask_bounds.h"
 #include "picture.h"
 #include "shape_odds.h"
+#include "strays.h"
 #include "unknown_pixels.h"
 
 namespace mpc {
@@ -44,19 +45,6 @@ cv::Mat SmallMask(const cv::Mat& mask, const cv::Size& size) {
   cv::Mat small;
   cv::resize(full, small, size, 0, 0, cv::INTER_AREA);
   return small > 127;
-}
-
-// What of a mask is at least twice as thick as a radius.
-cv::Mat Thick(const cv::Mat& mask, double radius) {
-  const int r = std::max(1, static_cast<int>(std::lround(radius)));
-  // Mostly nothing: what a square inside of the disc tells for a tenth of the time.
-  const int half_side = 7 * r / 10;
-  cv::Mat thick;
-  cv::erode(mask, thick, cv::Mat::ones(2 * half_side + 1, 2 * half_side + 1, CV_8U));
-  if (cv::countNonZero(thick) == 0) return thick;
-  cv::morphologyEx(mask, thick, cv::MORPH_OPEN,
-                   cv::getStructuringElement(cv::MORPH_ELLIPSE, {2 * r + 1, 2 * r + 1}));
-  return thick;
 }
 
 // Removes pieces of the actor without a certain pixel that are small, and fills small holes.
@@ -231,6 +219,12 @@ class Extraction {
       earlier = SmallMask(Crop(frame_.earlier, crop_), size);
     }
     const cv::Mat actor = earlier.empty() ? model_ : cv::Mat(model_ | earlier);
+    Strays strays;
+    if (!earlier.empty() && !plates_.empty()) {
+      strays =
+          FindStrays(small(), plates_.back(), actor, options_.erode * small_size(), small_size());
+      if (!strays.beyond.empty()) actor |= strays.beyond;  // not M's own memory
+    }
     const auto dilate = static_cast<float>(options_.dilate * small_size());
     near_ = Grown(MaskBounds(actor | skeleton), static_cast<int>(dilate) + 2, size);
     const auto far = static_cast<float>(size.width + size.height);
@@ -244,13 +238,14 @@ class Extraction {
     // Something of a thin actor stays, or there would be no certain foreground.
     const auto erode = static_cast<float>(std::min(options_.erode * small_size(), 0.7 * deepest));
     cv::Mat1f to_actor = distance_;  // to the outline of M and what was cut before
-    cv::Mat1f inner = distance_;     // to that of M without the pieces that were not cut before
+    cv::Mat1f inner = distance_;     // to that of M without pieces that are elsewhere
     if (!earlier.empty()) {
       cv::Mat1f outside;
       cv::distanceTransform(~actor(near_), outside, cv::DIST_L2, cv::DIST_MASK_5);
       to_actor = cv::Mat1f(size, -far);
       cv::Mat(0.5 - outside).copyTo(to_actor(near_));
-      const cv::Mat pieces = Thick(model_ & ~earlier, kPiece * small_size());
+      cv::Mat pieces = Thick(model_ & ~earlier, kPiece * small_size());
+      if (!strays.within.empty()) pieces |= strays.within & model_ & ~skeleton;
       if (cv::countNonZero(pieces) > 0) inner = distance_to(model_ & ~pieces);
     }
     trimap_ = cv::Mat(size, CV_8U, cv::Scalar(kTrimapBackground));

@@ -242,7 +242,7 @@ TEST(KeepSeenTest, GoesSidewaysAsFarAsItIsSeen) {
   Eigen::Matrix3Xf smoothed = Eigen::Vector3f(0.2f, 0, 2).replicate(1, 3);
   smoothed(0, 2) = 0.22f;  // the same pixel
   // 2 cm off at the smoothed depth: a half of the way for a scale of 2 cm, and half of that.
-  KeepSeen(refined, Eigen::Vector3f(1, 0, 1), 0.02, &smoothed);
+  KeepSeen(refined, Eigen::Vector3f(3, 0, 3), 0.02, &smoothed);
   EXPECT_NEAR(smoothed(0, 0), 0.205f, 1e-6f);
   EXPECT_NEAR(smoothed(0, 1), 0.2f, 1e-6f);
   EXPECT_NEAR(smoothed(0, 2), 0.22f, 1e-6f);

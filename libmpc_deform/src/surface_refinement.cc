@@ -124,6 +124,7 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
   if (index.contour().points.cols() == 0) return result;
   const size_t num_rounds = options_.arap_weights.size();
   const auto max_rounds = num_rounds + static_cast<size_t>(options_.max_flight_rounds);
+  Correspondences last;
   for (size_t round = 0; round < max_rounds; ++round) {
     const ModelBoundary outline =
         FindOutline(camera, result.vertices, topology_, options_.correspondences, scratch);
@@ -167,9 +168,10 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
     }
     result.cost_after = solve.final_cost;
     result.num_steps += solve.steps;
-    result.evidence = Evidence(graph_, correspondences);
     WarpVertices(graph_, result.field, posed, &result.vertices);
+    last = std::move(correspondences);
   }
+  if (result.state == RefinementState::kRefined) result.evidence = Evidence(graph_, last);
   return result;
 }
 

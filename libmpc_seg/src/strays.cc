@@ -20,7 +20,8 @@ constexpr double kJoined = 0.03;
 
 constexpr float kNoColour = 1.F / (1 << 24);  // density of any colour at all
 constexpr uint8_t kMaxSpread = 20;            // a plate that varies more says too little
-constexpr float kMinColours = 5;              // of the actor in a bin
+constexpr int kSurelySame = 200;  // squared colour steps: denser than that at any spread
+constexpr float kMinColours = 5;  // of the actor in a bin
 constexpr float kMinLearnt = 100;
 
 // Colours in bins of 16 steps.
@@ -40,6 +41,11 @@ class Histogram {
   std::vector<float> bins_ = std::vector<float>(4096, 0.F);
   float total_ = 0;
 };
+
+bool LooksAs(const cv::Vec3b& bgr, const cv::Vec3b& plate, uint8_t spread) {
+  const int b = bgr[0] - plate[0], g = bgr[1] - plate[1], r = bgr[2] - plate[2];
+  return b * b + g * g + r * r < kSurelySame || PlateDensity(bgr, plate, spread) > kNoColour;
+}
 
 // 255 in the pieces of a mask that touch another one.
 cv::Mat Touching(const cv::Mat& mask, const cv::Mat& other) {
@@ -95,8 +101,11 @@ Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Ma
   if (area.empty()) return {};
   const cv::Mat near = actor(area), picture = bgr(area), behind = plate.picture(area);
   const cv::Mat spreads = plate.spread(area);
-  cv::Mat1f depth;
-  cv::distanceTransform(near, depth, cv::DIST_L2, cv::DIST_MASK_5);
+  cv::Mat1f depth(near.size(), 0.F);
+  const cv::Rect box = Grown(MaskBounds(near), 1, near.size());
+  cv::Mat1f in_box;
+  cv::distanceTransform(near(box), in_box, cv::DIST_L2, cv::DIST_MASK_5);
+  in_box.copyTo(depth(box));
   const auto core = static_cast<float>(core_px);
 
   enum Look : uint8_t { kUnknown, kAsPlate, kOther };
@@ -108,7 +117,7 @@ Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Ma
     for (int x = 0; x < near.cols; ++x) {
       const uint8_t spread = spreads.ptr(y)[x];
       const bool is_known = spread <= kMaxSpread;
-      const bool as_plate = is_known && PlateDensity(colour[x], known[x], spread) > kNoColour;
+      const bool as_plate = is_known && LooksAs(colour[x], known[x], spread);
       if (is_known) looks.ptr(y)[x] = as_plate ? kAsPlate : kOther;
       if (near.ptr(y)[x] == 0) {
         if (as_plate) of_others.Add(colour[x]);

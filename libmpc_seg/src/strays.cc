@@ -21,7 +21,7 @@ constexpr double kJoined = 0.03;
 constexpr float kNoColour = 1.F / (1 << 24);  // density of any colour at all
 constexpr uint8_t kMaxSpread = 20;            // a plate that varies more says too little
 constexpr int kSurelySame = 200;  // squared colour steps: denser than that at any spread
-constexpr float kMinColours = 5;  // of the actor in a bin
+constexpr float kMinCount = 5;    // of the actor in a bin
 constexpr float kMinLearnt = 100;
 
 // Colours in bins of 16 steps.
@@ -136,7 +136,7 @@ Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Ma
       const bool inside = near.ptr(y)[x] != 0;
       if (look != (inside ? kAsPlate : kOther)) continue;
       const float count = of_actor[colour[x]];
-      const bool of_actors = count >= kMinColours && count * scale > of_others[colour[x]];
+      const bool of_actors = count >= kMinCount && count * scale > of_others[colour[x]];
       if (of_actors != inside) (inside ? within : beyond).ptr(y)[x] = 255;
     }
   }

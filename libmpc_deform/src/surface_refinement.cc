@@ -125,7 +125,10 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
   const size_t num_rounds = options_.arap_weights.size();
   const auto max_rounds = num_rounds + static_cast<size_t>(options_.max_flight_rounds);
   Correspondences last;
+  bool flies_far = false;  // before the last round
   for (size_t round = 0; round < max_rounds; ++round) {
+    const bool only_flight = round >= num_rounds;
+    if (only_flight && !flies_far) break;
     const ModelBoundary outline =
         FindOutline(camera, result.vertices, topology_, options_.correspondences, scratch);
     Correspondences correspondences =
@@ -137,14 +140,14 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
       }
       break;
     }
-    const bool only_flight = round >= num_rounds;
     bool flight = false;
     if (round > 0 && options_.flight_arap_weight > 0) {
       // What no vertex finds is seen from the silhouette only.
       Correspondences both_ways = correspondences;
       AddUnexplained(camera, result.vertices, outline, parts_, index, options_.correspondences,
                      &both_ways);
-      flight = SomeIsFar(both_ways, only_flight ? kVeryFar_m : kFar_m);
+      flies_far = SomeIsFar(both_ways, kVeryFar_m);
+      flight = only_flight ? flies_far : SomeIsFar(both_ways, kFar_m);
       if (flight) correspondences = std::move(both_ways);
     }
     if (only_flight && !flight) break;

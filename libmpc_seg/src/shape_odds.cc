@@ -49,15 +49,19 @@ class Table {
 
 }  // namespace
 
-cv::Mat1f SignedDistance(const cv::Mat& mask) {
-  cv::Mat1f inside(mask.size(), 0.F), outside;
+cv::Mat1f Depth(const cv::Mat& mask) {
+  cv::Mat1f depth(mask.size(), 0.F);
   const cv::Rect box = MaskBounds(mask);
-  if (!box.empty()) {
-    const cv::Rect around = Grown(box, 1, mask.size());
-    cv::Mat1f near;
-    cv::distanceTransform(mask(around), near, cv::DIST_L2, cv::DIST_MASK_5);
-    near.copyTo(inside(around));
-  }
+  if (box.empty()) return depth;
+  const cv::Rect around = Grown(box, 1, mask.size());
+  cv::Mat1f near;
+  cv::distanceTransform(mask(around), near, cv::DIST_L2, cv::DIST_MASK_5);
+  near.copyTo(depth(around));
+  return depth;
+}
+
+cv::Mat1f SignedDistance(const cv::Mat& mask) {
+  cv::Mat1f inside = Depth(mask), outside;
   cv::distanceTransform(~mask, outside, cv::DIST_L2, cv::DIST_MASK_5);
   const auto far = static_cast<float>(mask.cols + mask.rows);  // where there is no other side
   for (int y = 0; y < mask.rows; ++y) {

@@ -6,6 +6,9 @@
 
 namespace mpc {
 
+// Distance of every pixel to the next one outside of a mask (CV_8U, 0 or 255); 0 outside.
+cv::Mat1f Depth(const cv::Mat& mask);
+
 // d of every pixel: positive inside, negative outside. mask: CV_8U, 0 or 255.
 cv::Mat1f SignedDistance(const cv::Mat& mask);
 

@@ -8,6 +8,7 @@
 
 #include "colour_odds.h"
 #include "mpc/seg/mask_bounds.h"
+#include "shape_odds.h"
 
 namespace mpc {
 namespace {
@@ -101,11 +102,7 @@ Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Ma
   if (area.empty()) return {};
   const cv::Mat near = actor(area), picture = bgr(area), behind = plate.picture(area);
   const cv::Mat spreads = plate.spread(area);
-  cv::Mat1f depth(near.size(), 0.F);
-  const cv::Rect box = Grown(MaskBounds(near), 1, near.size());
-  cv::Mat1f in_box;
-  cv::distanceTransform(near(box), in_box, cv::DIST_L2, cv::DIST_MASK_5);
-  in_box.copyTo(depth(box));
+  const cv::Mat1f depth = Depth(near);
   const auto core = static_cast<float>(core_px);
 
   enum Look : uint8_t { kUnknown, kAsPlate, kOther };

@@ -328,14 +328,24 @@ TEST(Silhouette, PiecesThatAnEarlierCutDidNotHoldAreOpen) {
   EXPECT_GT(MaskIou(s.mask, c.scene.truth), 0.95);
 }
 
-// Legs that the fitted model has too close together, in colours that hardly tell them from what is
-// behind: outlines as dear as in the first cut keep them closed.
+// M and the first silhouette are the figure, and what is behind it is known.
+Case MakeSecondCut() {
+  Case c = MakeCase({}, 0);
+  c.frame.previous = cv::Mat();
+  c.frame.model_mask = c.scene.truth.clone();
+  c.frame.earlier = c.frame.model_mask;
+  TestSceneOptions empty;
+  empty.centre = {-1000, -1000};
+  empty.seed = 5;
+  c.frame.background = {MakeScene(empty).picture,
+                        cv::Mat(c.scene.truth.size(), CV_8U, cv::Scalar(4))};
+  return c;
+}
+
 // Cloth far beyond the band, and background that M and the cut before cover: the plate shows both.
 TEST(Silhouette, ThePlateOpensWhatTheBandDoesNotReach) {
-  Case c = MakeCase({}, 0);
+  Case c = MakeSecondCut();
   FrameInput& frame = c.frame;
-  frame.previous = cv::Mat();
-  frame.model_mask = c.scene.truth.clone();
   const cv::Point tail[] = {{130, 160}, {215, 215}, {140, 200}};
   const cv::Rect coat(60, 200, 36, 36);  // beside the legs
   cv::Mat swung(frame.picture.size(), CV_8U, cv::Scalar(0)), bare = swung.clone();
@@ -344,13 +354,7 @@ TEST(Silhouette, ThePlateOpensWhatTheBandDoesNotReach) {
   bare(coat) = 255;
   bare &= ~c.scene.truth;
   frame.picture.setTo(TestSceneOptions().colour, swung);
-  frame.model_mask |= bare;
-  frame.earlier = frame.model_mask;
-  TestSceneOptions empty;
-  empty.centre = {-1000, -1000};
-  empty.seed = 5;
-  frame.background = {MakeScene(empty).picture,
-                      cv::Mat(frame.picture.size(), CV_8U, cv::Scalar(4))};
+  frame.model_mask |= bare;  // the first silhouette's as well
   const Silhouette cut = ExtractSilhouette(frame, SegmentationOptions::AfterRefinement());
   ASSERT_EQ(cut.state, SilhouetteState::kCut);
   const auto share = [&](const cv::Mat& of) {
@@ -363,25 +367,19 @@ TEST(Silhouette, ThePlateOpensWhatTheBandDoesNotReach) {
 
 // Who passes by differs from the plate too, but has other colours.
 TEST(Silhouette, ThePlateTakesNoStrangersIn) {
-  Case c = MakeCase({}, 0);
+  Case c = MakeSecondCut();
   FrameInput& frame = c.frame;
-  frame.previous = cv::Mat();
-  frame.model_mask = c.scene.truth;
-  frame.earlier = c.scene.truth;
   cv::Mat stranger(frame.picture.size(), CV_8U, cv::Scalar(0));
   cv::circle(stranger, {170, 200}, 28, 255, cv::FILLED);
   stranger &= ~c.scene.truth;
   frame.picture.setTo(cv::Scalar(60, 200, 60), stranger);
-  TestSceneOptions empty;
-  empty.centre = {-1000, -1000};
-  empty.seed = 5;
-  frame.background = {MakeScene(empty).picture,
-                      cv::Mat(frame.picture.size(), CV_8U, cv::Scalar(4))};
   const Silhouette cut = ExtractSilhouette(frame, SegmentationOptions::AfterRefinement());
   EXPECT_LT(1.0 * cv::countNonZero(cut.mask & stranger) / cv::countNonZero(stranger), 0.1);
   EXPECT_GT(MaskIou(cut.mask, c.scene.truth), 0.97);
 }
 
+// Legs that the fitted model has too close together, in colours that hardly tell them from what is
+// behind: outlines as dear as in the first cut keep them closed.
 TEST(Silhouette, AfterRefinementColoursOpenANarrowGap) {
   cv::Mat truth(300, 320, CV_8UC1, cv::Scalar(0));
   truth(cv::Rect(120, 60, 80, 180)).setTo(255);

@@ -46,8 +46,8 @@ struct FrameRefinement {
   // From the skinned mesh to the surface, in the axes of the bind pose (TurnToBind); empty when the
   // surface was not refined.
   Eigen::Matrix3Xf displacements;
-  Eigen::Matrix3Xf surface;  // 3xV and V, see SurfaceRefinement; empty as displacements are
-  Eigen::VectorXf evidence;
+  Eigen::Matrix3Xf surface;  // 3xV: where the displacements take it; empty when they are
+  Eigen::VectorXf evidence;  // V, see SurfaceRefinement; empty when they are
 };
 
 // A posed actor, as the caller finds its silhouette: the first time at the batch's pose, the second

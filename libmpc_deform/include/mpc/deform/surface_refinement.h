@@ -36,7 +36,7 @@ struct SurfaceRefinementOptions {
   double robust_deviations = 6;
   CorrespondenceOptions correspondences = {.max_slant_rad = 0.8};
 
-  double relative_tolerance = 1e-3;  // of the last solve; those before it end at 0.1
+  double relative_tolerance = 1e-3;  // of the last of arap_weights and later; others end at 0.1
   int max_steps = 12;                // of a solve, >= 1
 
   // The paper's energy and correspondences.

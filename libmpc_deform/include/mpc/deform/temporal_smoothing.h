@@ -70,8 +70,9 @@ Eigen::Matrix3Xf SmoothDisplacements(std::span<const Eigen::Matrix3Xf> window,
                                      const SmoothingOptions& options);
 
 // Moves a smoothed surface (3xV, camera frame) sideways, its depth stays, towards the surface that
-// was refined in this frame: by q^2 / (1 + q^2) of the way, q = the way in keep_m, and by less where
-// the frame's outline says little (SurfaceRefinement::evidence).
+// was refined in this frame: by q^2 / (1 + q^2) e / (e + 3) of the way, q = the way in keep_m, e = the
+// evidence of the frame's outline (V, SurfaceRefinement::evidence). Throws Error (kMismatch) for
+// sizes that differ.
 void KeepSeen(const Eigen::Matrix3Xf& refined, const Eigen::VectorXf& evidence, double keep_m,
               Eigen::Matrix3Xf* smoothed);
 

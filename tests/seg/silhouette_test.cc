@@ -378,6 +378,18 @@ TEST(Silhouette, ThePlateTakesNoStrangersIn) {
   EXPECT_GT(MaskIou(cut.mask, c.scene.truth), 0.97);
 }
 
+// Nor whom the plate shows in the actor's colours, somewhere else.
+TEST(Silhouette, ThePlateTakesNoTwinsIn) {
+  Case c = MakeSecondCut();
+  FrameInput& frame = c.frame;
+  cv::Mat twin(frame.picture.size(), CV_8U, cv::Scalar(0));
+  twin(cv::Rect(196, 190, 26, 60)) = 255;
+  ASSERT_EQ(cv::countNonZero(twin & c.scene.truth), 0);
+  frame.picture.setTo(TestSceneOptions().colour, twin);
+  const Silhouette cut = ExtractSilhouette(frame, SegmentationOptions::AfterRefinement());
+  EXPECT_EQ(cv::countNonZero(cut.mask & twin), 0);
+}
+
 // Legs that the fitted model has too close together, in colours that hardly tell them from what is
 // behind: outlines as dear as in the first cut keep them closed.
 TEST(Silhouette, AfterRefinementColoursOpenANarrowGap) {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Geometry>
 #include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
@@ -42,7 +41,8 @@ Eigen::VectorXd PolynomialWeights(const Eigen::VectorXd& times, int degree) {
       .transpose();
 }
 
-// Every vertex turned by its blended rotation from the bind pose, or by the inverse.
+// Every vertex turned by its blended rotation from the bind pose, or by the inverse: skinned by
+// motions that do not shift.
 void Turn(const Character& character, const KinematicState& state, bool inverse,
           Eigen::Matrix3Xf* displacements) {
   if (displacements->cols() != character.segments.cols()) {
@@ -52,18 +52,13 @@ void Turn(const Character& character, const KinematicState& state, bool inverse,
   }
   std::vector<DualQuaternion> motions;
   SegmentMotions(character.bind, state, &motions);
-  for (Eigen::Index v = 0; v < displacements->cols(); ++v) {
-    const Eigen::Vector4f& pivot = motions[character.segments(0, v)].real;
-    Eigen::Vector4f blend = Eigen::Vector4f::Zero();
-    for (Eigen::Index k = 0; k < character.segments.rows(); ++k) {
-      const Eigen::Vector4f& real = motions[character.segments(k, v)].real;
-      blend += (real.dot(pivot) < 0 ? -1.0f : 1.0f) * character.weights(k, v) * real;
-    }
-    Eigen::Quaternionf turn(blend[0], blend[1], blend[2], blend[3]);
-    turn.normalize();
-    displacements->col(v) =
-        (inverse ? turn.conjugate() : turn) * Eigen::Vector3f(displacements->col(v));
+  for (DualQuaternion& motion : motions) {
+    motion.dual.setZero();
+    if (inverse) motion.real.tail<3>() *= -1;
   }
+  Eigen::Matrix3Xf turned(3, displacements->cols());
+  SkinDualQuaternion(*displacements, character.segments, character.weights, motions, &turned);
+  displacements->swap(turned);
 }
 
 }  // namespace

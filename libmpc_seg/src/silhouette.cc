@@ -23,6 +23,7 @@ namespace {
 
 constexpr double kRing = 0.15;          // width of the background outside the band, in actor sizes
 constexpr double kColourErosion = 0.7;  // of `erode`: where the actor's colours are learnt
+constexpr double kRimErosion = 0.1;     // the same once M is refined: the rim is often in the shade
 constexpr double kPiece = 0.04;    // half as thick, in actor sizes: a piece of M that is elsewhere
 constexpr int kRefinePx = 2;       // around the outline, after each doubling of the size
 constexpr int kMaxColours = 4000;  // per colour model
@@ -269,7 +270,8 @@ class Extraction {
       }
     }
     if (options_.band_colours) {
-      actor_region_ = (inner > kColourErosion * erode) | (trimap_ == kTrimapForeground);
+      const double depth = (earlier.empty() ? kColourErosion : kRimErosion) * erode;
+      actor_region_ = (inner > depth) | (trimap_ == kTrimapForeground);
       background_region_ = trimap_ == kTrimapBackground;
     } else {
       actor_region_ = model_ | (trimap_ == kTrimapForeground);

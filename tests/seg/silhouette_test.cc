@@ -390,6 +390,29 @@ TEST(Silhouette, ThePlateTakesNoTwinsIn) {
   EXPECT_EQ(cv::countNonZero(cut.mask & twin), 0);
 }
 
+// The last pixels of a body, which the lamp does not reach: nearer to what is behind than to the rest of the
+// body, and lost in the first cut.
+TEST(Silhouette, ASecondCutLearnsTheShadedRim) {
+  cv::Mat truth(300, 320, CV_8UC1, cv::Scalar(0));
+  cv::ellipse(truth, {160, 150}, {45, 110}, 0, 0, 360, 255, cv::FILLED);
+  cv::Mat lit;
+  cv::erode(truth, lit, cv::Mat::ones(7, 7, CV_8U));
+  const cv::Mat rim = truth & ~lit;
+  FrameInput frame;
+  frame.model_mask = truth;
+  frame.earlier = lit;
+  frame.picture = cv::Mat(truth.size(), CV_8UC3, cv::Scalar(70, 70, 70));
+  frame.picture.setTo(cv::Scalar(60, 90, 200), lit);
+  frame.picture.setTo(cv::Scalar(50, 50, 60), rim);
+  cv::Mat noise(truth.size(), CV_16SC3);
+  cv::RNG(3).fill(noise, cv::RNG::NORMAL, 0, 8);
+  cv::add(frame.picture, noise, frame.picture, {}, CV_8UC3);
+  const Silhouette cut = ExtractSilhouette(frame, SegmentationOptions::AfterRefinement());
+  ASSERT_EQ(cut.state, SilhouetteState::kCut);
+  EXPECT_GT(1.0 * cv::countNonZero(cut.mask & rim) / cv::countNonZero(rim), 0.9);
+  EXPECT_GT(MaskIou(cut.mask, truth), 0.97);
+}
+
 // Legs that the fitted model has too close together, in colours that hardly tell them from what is
 // behind: outlines as dear as in the first cut keep them closed.
 TEST(Silhouette, AfterRefinementColoursOpenANarrowGap) {

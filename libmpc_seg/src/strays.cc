@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "colour_odds.h"
-#include "mpc/seg/mask_bounds.h"
 #include "picture.h"
 #include "shape_odds.h"
 
@@ -15,7 +14,6 @@ namespace mpc {
 namespace {
 
 // In actor sizes.
-constexpr double kReach = 0.35;        // beyond the mask
 constexpr double kThickBeyond = 0.04;  // half as thick
 constexpr double kThickWithin = 0.05;
 constexpr double kJoined = 0.03;
@@ -74,11 +72,11 @@ cv::Mat Pieces(const cv::Mat& mask, double radius) {
   return Thick(closed, radius);
 }
 
-// A mask of half the size, `at` its place in the whole picture; empty if there is nothing.
-cv::Mat Whole(const cv::Mat& mask, const cv::Point& at, const cv::Size& size) {
+// A mask of half the size at the whole one; empty if there is nothing.
+cv::Mat Whole(const cv::Mat& mask, const cv::Size& size) {
   if (cv::countNonZero(mask) == 0) return {};
   cv::Mat whole(size, CV_8U, cv::Scalar(0));
-  cv::Mat part = whole(cv::Rect(at, mask.size() * 2));
+  cv::Mat part = whole(cv::Rect({}, mask.size() * 2));
   cv::resize(mask, part, part.size(), 0, 0, cv::INTER_NEAREST);
   return whole;
 }
@@ -99,12 +97,10 @@ cv::Mat Thick(const cv::Mat& mask, double radius) {
 
 Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Mat& actor,
                   double core_px, double size_px) {
-  const cv::Rect area =
-      Grown(MaskBounds(actor), static_cast<int>(kReach * size_px) + 2, actor.size());
-  if (std::min(area.width, area.height) < 2) return {};
+  if (std::min(actor.cols, actor.rows) < 2) return {};
   // Pieces that count are thick: half the size shows them in a quarter of the time.
-  const cv::Mat near = Halved(actor(area)) > 127, picture = Halved(bgr(area));
-  const cv::Mat behind = Halved(plate.picture(area)), spreads = Halved(plate.spread(area));
+  const cv::Mat near = Halved(actor) > 127, picture = Halved(bgr);
+  const cv::Mat behind = Halved(plate.picture), spreads = Halved(plate.spread);
   const cv::Mat1f depth = Depth(near);
   const auto core = static_cast<float>(core_px / 2);
   const double half_size = size_px / 2;
@@ -148,8 +144,8 @@ Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Ma
     cv::dilate(near, around, cv::Mat::ones(2 * r + 1, 2 * r + 1, CV_8U));
     beyond = Touching(beyond, around);
   }
-  return {Whole(beyond, area.tl(), actor.size()),
-          Whole(Pieces(within, kThickWithin * half_size), area.tl(), actor.size())};
+  return {Whole(beyond, actor.size()),
+          Whole(Pieces(within, kThickWithin * half_size), actor.size())};
 }
 
 }  // namespace mpc

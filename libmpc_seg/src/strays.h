@@ -18,9 +18,9 @@ struct Strays {
   cv::Mat within;  // of the background: as the plate, and not of the actor's colours
 };
 
-// bgr: CV_8UC3, of the plate's size. actor: CV_8U, where the actor is thought to be. core_px: how far
-// within it the actor's colours are learnt. size_px: the actor's. Only pieces thicker than parts of
-// it count, and only where the plate is known.
+// bgr: CV_8UC3, the actor's surroundings, of the plate's size. actor: CV_8U, where the actor is
+// thought to be. core_px: how far within it the actor's colours are learnt. size_px: the actor's. Only
+// pieces thicker than parts of it count, and only where the plate is known.
 Strays FindStrays(const cv::Mat& bgr, const BackgroundPlate& plate, const cv::Mat& actor,
                   double core_px, double size_px);
 

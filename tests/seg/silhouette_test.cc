@@ -390,8 +390,8 @@ TEST(Silhouette, ThePlateTakesNoTwinsIn) {
   EXPECT_EQ(cv::countNonZero(cut.mask & twin), 0);
 }
 
-// The last pixels of a body, which the lamp does not reach: nearer to what is behind than to the rest of the
-// body, and lost in the first cut.
+// The last pixels of a body, which the lamp does not reach: nearer to what is behind than to the
+// rest of the body, and lost in the first cut.
 TEST(Silhouette, ASecondCutLearnsTheShadedRim) {
   cv::Mat truth(300, 320, CV_8UC1, cv::Scalar(0));
   cv::ellipse(truth, {160, 150}, {45, 110}, 0, 0, 360, 255, cv::FILLED);

@@ -34,6 +34,13 @@ double Even(int i, int base) {
   return value;
 }
 
+// The same around 0, the mean of `count` of them.
+double Centred(int i, int count, int base) {
+  double mean = 0;
+  for (int k = 0; k < count; ++k) mean += Even(k, base) / count;
+  return Even(i, base) - mean;
+}
+
 // One of the pictures that are averaged.
 struct Sample {
   double pixel_x, pixel_y;  // offset inside the pixel, -0.5 to 0.5
@@ -45,9 +52,8 @@ struct Sample {
 Sample MakeSample(int i, int count) {
   Sample sample;
   sample.time = (i + 0.5) / count - 0.5;
-  sample.pixel_x = Even(i, 2) + 0.5 / count - 0.5;
-  sample.pixel_y = Even(i, 3) + 0.5 / count - 0.5;
-  if (count == 1) sample.pixel_x = sample.pixel_y = 0;
+  sample.pixel_x = Centred(i, count, 2);
+  sample.pixel_y = Centred(i, count, 3);
   const double angle = 2 * std::numbers::pi * (i + 0.25) / count;
   sample.lamp_x = std::cos(angle);
   sample.lamp_y = std::sin(angle);

@@ -220,6 +220,27 @@ TEST_F(SyntheticPerformanceTest, BlurOfAStillSceneChangesNothing) {
   EXPECT_EQ(cv::norm(moving[3].mask, frozen[3].mask, cv::NORM_INF), 0) << "masks are sharp";
 }
 
+TEST_F(SyntheticPerformanceTest, AveragedPicturesLieWhereThePixelsCentresSay) {
+  PerformanceOptions options = Options(CameraMotion::kStatic);
+  options.scene.moving_background = false;
+  options.scene.sensor_noise = 0;
+  options.scene.shutter = 0;
+  const auto picture = [&](int samples) {
+    options.scene.samples = samples;
+    cv::Mat grey;
+    cv::cvtColor(Render(MakePerformance(*character_, StandStill(), options))[0].bgr, grey,
+                 cv::COLOR_BGR2GRAY);
+    grey.convertTo(grey, CV_64F);
+    return grey;
+  };
+  const cv::Mat smooth = picture(64);
+  for (const int samples : {3, 4, 5}) {
+    const cv::Point2d shift = cv::phaseCorrelate(smooth, picture(samples));
+    EXPECT_NEAR(shift.x, 0, 0.03) << samples;
+    EXPECT_NEAR(shift.y, 0, 0.03) << samples;
+  }
+}
+
 TEST_F(SyntheticPerformanceTest, TheWholeActorIsSeen) {
   for (const CameraMotion motion : kAllCameraMotions) {
     for (const bool portrait : {false, true}) {

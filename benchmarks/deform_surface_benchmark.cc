@@ -37,16 +37,19 @@ void TwoSolves(benchmark::State& state, const Solve& solve) {
   // The same correspondences for both solvers.
   const Correspondences first = frame.Match(posed);
   WarpField field = WarpField::Identity(frame.graph.num_nodes());
-  SolveSurface({frame.person.camera, frame.graph, posed, first, {0.6, 2}}, 1e-3, 12, &field);
+  SolveSurface({frame.person.camera, frame.graph, posed, first, {0.6, 2, 0.03}, field}, 1e-3, 12,
+               &field);
   Eigen::Matrix3Xf vertices;
   WarpVertices(frame.graph, field, posed, &vertices);
   const Correspondences second = frame.Match(vertices);
   double cost = 0, steps = 0;
   for (auto _ : state) {
     field = WarpField::Identity(frame.graph.num_nodes());
-    const SurfaceProblem stiff(frame.person.camera, frame.graph, posed, first, {0.6, 2});
+    const SurfaceProblem stiff(frame.person.camera, frame.graph, posed, first, {0.6, 2, 0.03},
+                               field);
     steps = solve(stiff, &field).steps;
-    const SurfaceProblem soft(frame.person.camera, frame.graph, posed, second, {0.2, 2});
+    const SurfaceProblem soft(frame.person.camera, frame.graph, posed, second, {0.2, 2, 0.01},
+                              field);
     const SurfaceSolve last = solve(soft, &field);
     WarpVertices(frame.graph, field, posed, &vertices);
     cost = last.final_cost;

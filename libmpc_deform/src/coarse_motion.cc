@@ -49,19 +49,20 @@ void CoarseMotion::Add(int a, int b, const Block& block) {
   }
 }
 
-// A residual of one row, by the motions of the patches: t_i = T + Omega x lever_i.
+// Rows of a residual, by the motions of the patches: t_i = T + Omega x lever_i.
 template <typename Energy>
-void CoarseMotion::AddRow(const Energy& energy, const WarpField& at, int block) {
-  double r = 0;
+void CoarseMotion::AddBlock(const Energy& energy, const WarpField& at, int block) {
+  Eigen::Vector3d r;
   BlockJacobian jacobian;
-  energy.Evaluate(at, block, &r, &jacobian);
+  energy.Evaluate(at, block, r.data(), &jacobian);
   const std::span<const int> nodes = energy.nodes(block);
   std::array<int, kMaxBlockNodes> patches;
-  std::array<Eigen::Matrix<double, 6, 1>, kMaxBlockNodes> by_patch;
+  using ByMotion = Eigen::Matrix<double, 6, Eigen::Dynamic, 0, 6, 3>;
+  std::array<ByMotion, kMaxBlockNodes> by_patch;
   int count = 0;
   for (size_t k = 0; k < nodes.size(); ++k) {
-    Eigen::Matrix<double, 6, 1> by_motion = jacobian.block<1, 6>(0, 6 * k).transpose();
-    by_motion.head<3>() += levers_.col(nodes[k]).cross(by_motion.tail<3>());
+    ByMotion by_motion = jacobian.middleCols<6>(6 * k).transpose();
+    by_motion.topRows<3>() += CrossMatrix(levers_.col(nodes[k])) * by_motion.bottomRows<3>();
     const auto end = patches.begin() + count;
     const auto found = std::find(patches.begin(), end, patch_[nodes[k]]);
     if (found == end) {
@@ -112,9 +113,9 @@ void CoarseMotion::Linearize(const WarpField& at) {
   packed_levers_.setZero(4, problem_.num_nodes);
   packed_levers_.topRows<3>() = levers_.cast<float>();
   normal_.setZero(6 * num_patches_, 6 * num_patches_);
-  for (int row = 0; row < problem_.contour.num_blocks(); ++row) AddRow(problem_.contour, at, row);
+  for (int row = 0; row < problem_.contour.num_blocks(); ++row) AddBlock(problem_.contour, at, row);
   for (const int e : crossing_) AddEdge(at, e);
-  for (int i = 0; i < problem_.depth_drift.num_blocks(); ++i) AddRow(problem_.depth_drift, at, i);
+  for (int i = 0; i < problem_.drift.num_blocks(); ++i) AddBlock(problem_.drift, at, i);
   normal_.diagonal() *= 1 + kDamping;
   normal_.diagonal().array() += kDamping * kDamping * normal_.diagonal().maxCoeff();
   factor_.compute(normal_.cast<float>());

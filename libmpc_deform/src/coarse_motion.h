@@ -28,7 +28,7 @@ class CoarseMotion {
 
  private:
   template <typename Energy>
-  void AddRow(const Energy& energy, const WarpField& at, int block);
+  void AddBlock(const Energy& energy, const WarpField& at, int block);
   void AddEdge(const WarpField& at, int edge);
   void Add(int a, int b, const Eigen::Matrix<double, 6, 6>& block);
 

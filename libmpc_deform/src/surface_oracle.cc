@@ -86,7 +86,7 @@ SurfaceSolve SolveSurfaceCeres(const SurfaceProblem& problem, double relative_to
   ceres::Problem ceres_problem;
   AddEnergy(problem.contour, &scratch, &nodes, &ceres_problem);
   AddEnergy(problem.arap, &scratch, &nodes, &ceres_problem);
-  AddEnergy(problem.depth_drift, &scratch, &nodes, &ceres_problem);
+  AddEnergy(problem.drift, &scratch, &nodes, &ceres_problem);
   ceres::Solver::Options options;
   options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   options.num_threads = 1;

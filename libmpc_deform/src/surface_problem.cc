@@ -23,15 +23,16 @@ double CostOf(const Energy& energy, const WarpField& at) {
 SurfaceProblem::SurfaceProblem(const Camera& camera, const DeformationGraph& graph,
                                const Eigen::Matrix3Xf& posed,
                                const Correspondences& correspondences,
-                               const SurfaceWeights& weights)
+                               const SurfaceWeights& weights, const WarpField& start)
     : contour(camera, graph, posed, correspondences),
       arap(graph, graph.NodePositions(posed), weights.arap),
-      depth_drift(graph.NodePositions(posed), weights.depth_drift),
+      drift(graph.NodePositions(posed), start.translations, weights.depth_drift,
+            weights.side_drift),
       nodes(graph.NodePositions(posed)),
       num_nodes(graph.num_nodes()) {}
 
 double SurfaceProblem::Cost(const WarpField& at) const {
-  return CostOf(contour, at) + CostOf(arap, at) + CostOf(depth_drift, at);
+  return CostOf(contour, at) + CostOf(arap, at) + CostOf(drift, at);
 }
 
 }  // namespace mpc

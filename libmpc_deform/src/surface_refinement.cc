@@ -65,6 +65,7 @@ SurfaceRefinementOptions SurfaceRefinementOptions::Paper() {
   options.flight_arap_weight = 0;
   options.max_flight_rounds = 0;
   options.depth_drift_weight = 0;
+  options.side_drift_share = 0;
   options.robust_deviations = 0;
   options.correspondences = CorrespondenceOptions::Paper();
   return options;
@@ -85,6 +86,8 @@ void SurfaceRefinementOptions::Validate() const {
   check(max_flight_rounds >= 0, "max_flight_rounds", max_flight_rounds, "0 or more");
   check(depth_drift_weight >= 0 && std::isfinite(depth_drift_weight), "depth_drift_weight",
         depth_drift_weight, "0 or more");
+  check(side_drift_share >= 0 && std::isfinite(side_drift_share), "side_drift_share",
+        side_drift_share, "0 or more");
   check(robust_deviations >= 0 && std::isfinite(robust_deviations), "robust_deviations",
         robust_deviations, "0 or more");
   check(relative_tolerance > 0 && relative_tolerance < 1, "relative_tolerance", relative_tolerance,
@@ -159,7 +162,10 @@ SurfaceRefinement SurfaceRefiner::Refine(const Camera& camera, const Eigen::Matr
                                : flight    ? options_.flight_arap_weight
                                            : options_.arap_weights[round];
     const SurfaceProblem problem(camera, graph_, posed, correspondences,
-                                 {arap_weight, options_.depth_drift_weight});
+                                 {.arap = arap_weight,
+                                  .depth_drift = options_.depth_drift_weight,
+                                  .side_drift = options_.side_drift_share * arap_weight},
+                                 result.field);
     const bool only_guides = round + 1 < num_rounds;
     const double tolerance =
         std::max(options_.relative_tolerance, only_guides ? kGuideTolerance : 0);

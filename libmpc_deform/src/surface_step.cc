@@ -70,7 +70,7 @@ bool SurfaceStep::Linearize(const WarpField& at) {
   if (is_first) diagonal_.assign(problem_.num_nodes, Block::Zero());
   gradient_.setZero();
   AddArap(at);
-  AddDepthDrift(at);
+  AddDrift(at);
   if (is_first) {
     for (int i = 0; i < problem_.num_nodes; ++i) diagonal_[i] += SmoothBlock(i);
   }
@@ -95,14 +95,15 @@ void SurfaceStep::AddArap(const WarpField& at) {
                     gradient_.data(), edge_levers_.data(), smooth_.data());
 }
 
-void SurfaceStep::AddDepthDrift(const WarpField& at) {
+void SurfaceStep::AddDrift(const WarpField& at) {
   BlockJacobian jacobian;
-  double r = 0;
-  for (int i = 0; i < problem_.depth_drift.num_blocks(); ++i) {
-    problem_.depth_drift.Evaluate(at, i, &r, &jacobian);
-    const Eigen::Vector3d ray = jacobian.block<1, 3>(0, 3).transpose();
-    gradient_.col(i).segment<3>(4) += r * ray;
-    for (int c = 0; c < 3; ++c) smooth_.col(8 * i + 2 * c + 1) += Pad(ray[c] * ray);
+  Eigen::Vector3d r;
+  for (int i = 0; i < problem_.drift.num_blocks(); ++i) {
+    problem_.drift.Evaluate(at, i, r.data(), &jacobian);
+    const Eigen::Matrix3d by_translation = jacobian.rightCols<3>();
+    gradient_.col(i).segment<3>(4) += by_translation.transpose() * r;
+    const Eigen::Matrix3d block = by_translation.transpose() * by_translation;
+    for (int c = 0; c < 3; ++c) smooth_.col(8 * i + 2 * c + 1) += Pad(block.col(c));
   }
 }
 

@@ -32,7 +32,7 @@ class SurfaceStep {
   void AddArap(const WarpField& at);
   bool AddContour(const WarpField& at, bool to_diagonal);
   Block SmoothBlock(int node) const;
-  void AddDepthDrift(const WarpField& at);
+  void AddDrift(const WarpField& at);
   void Damp(double damping);
   void Multiply(const Packed& x, Packed* product) const;
   void Precondition(const Packed& x, Packed* product);

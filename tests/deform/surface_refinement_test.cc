@@ -65,6 +65,39 @@ TEST_F(SurfaceRefinementTest, DepthPriorKeepsNodesFromDrifting) {
             MeanError_mm(adrift.vertices, Person().truth));
 }
 
+// Pieces of cloth would shift and turn at no cost in E_arap.
+TEST_F(SurfaceRefinementTest, ARaggedOutlineMovesNothingMuch) {
+  cv::Mat mask = testing::MaskOf(Person(), Person().posed);
+  std::vector<std::vector<cv::Point>> outlines;
+  cv::findContours(mask, outlines, cv::RETR_EXTERNAL, cv::CHAIN_APPROX_NONE);
+  cv::RNG random(1);
+  for (const std::vector<cv::Point>& outline : outlines) {
+    for (size_t i = 0; i < outline.size(); i += 30) {
+      cv::circle(mask, outline[i], random.uniform(2, 9), random.uniform(0, 2) == 0 ? 255 : 0, -1);
+    }
+  }
+  SurfaceRefinementOptions without;
+  without.side_drift_share = 0;
+  EXPECT_LT(MeanError_mm(Refine(mask).vertices, Person().posed),
+            0.9 * MeanError_mm(Refine(mask, without).vertices, Person().posed));
+}
+
+// A skirt that swings by 17 degrees as a whole.
+TEST_F(SurfaceRefinementTest, AWideSwingIsNotHeldBack) {
+  Eigen::Matrix3Xf swung = Person().posed;
+  const Eigen::Index first = Person().first_of_skirt, count = swung.cols() - first;
+  const Eigen::Vector3f waist =
+      swung.rightCols(count).rowwise().mean() - Eigen::Vector3f(0, 0.2f, 0);
+  const Eigen::AngleAxisf swing(0.3f, Eigen::Vector3f::UnitZ());
+  swung.rightCols(count) =
+      (swing.matrix() * (swung.rightCols(count).colwise() - waist)).colwise() + waist;
+  const SurfaceRefinement refined = Refine(testing::MaskOf(Person(), swung));
+  EXPECT_LT(MeanError_mm(refined.vertices, swung), 0.65 * MeanError_mm(Person().posed, swung));
+  EXPECT_GT(
+      MaskIou(testing::MaskOf(Person(), refined.vertices), testing::MaskOf(Person(), swung)),
+      MaskIou(testing::MaskOf(Person(), Person().posed), testing::MaskOf(Person(), swung)) + 0.01);
+}
+
 TEST_F(SurfaceRefinementTest, AFittingSurfaceStays) {
   const SurfaceRefinement refined = Refine(testing::MaskOf(Person(), Person().posed));
   ASSERT_EQ(refined.state, RefinementState::kRefined);
@@ -237,8 +270,11 @@ TEST_F(SurfaceRefinementTest, MisuseIsRefused) {
   SurfaceRefinementOptions options;
   options.arap_weights = {0.6, -1};
   options.depth_drift_weight = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_MPC_ERROR(SurfaceRefiner(Person().character, Graph(), options), kInvalidArgument,
-                   "arap_weights is -1, expected positive numbers; depth_drift_weight is nan");
+  options.side_drift_share = -0.1;
+  EXPECT_MPC_ERROR(
+      SurfaceRefiner(Person().character, Graph(), options), kInvalidArgument,
+      "arap_weights is -1, expected positive numbers; depth_drift_weight is nan, expected 0 "
+      "or more; side_drift_share is -0.1");
   options = {};
   options.arap_weights.clear();
   EXPECT_MPC_ERROR(options.Validate(), kInvalidArgument, "at least 1");

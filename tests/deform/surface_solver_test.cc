@@ -44,12 +44,13 @@ class SurfaceSolverTest : public ::testing::Test {
       correspondences_.targets.col(c) = targets[c];
       correspondences_.normals.col(c) = directions[c];
     }
+    start_ = WarpField::Identity(graph_.num_nodes());
     correspondences_.weights.setOnes(count);
     correspondences_.num_boundary = static_cast<int>(count) + 7;
   }
 
   SurfaceProblem Problem(const SurfaceWeights& weights = {}) const {
-    return {camera_, graph_, mesh_.positions, correspondences_, weights};
+    return {camera_, graph_, mesh_.positions, correspondences_, weights, start_};
   }
 
   WarpField Random(double angle_rad, double length_m) {
@@ -107,6 +108,7 @@ class SurfaceSolverTest : public ::testing::Test {
   TriangleMesh mesh_;
   Camera camera_;
   DeformationGraph graph_;
+  WarpField start_;
   Correspondences correspondences_;
   std::mt19937_64 random_{5};
 };
@@ -117,15 +119,16 @@ TEST_F(SurfaceSolverTest, Jacobians) {
   const SurfaceProblem problem = Problem();
   CheckEnergy(problem.contour);
   CheckEnergy(problem.arap);
-  CheckEnergy(problem.depth_drift);
+  CheckEnergy(problem.drift);
 }
 
 TEST_F(SurfaceSolverTest, TermsAreThoseOfThePaper) {
   Prepare(150);
   const WarpField at = Random(0.2, 0.03);
+  start_ = Random(0, 0.02);
   const Eigen::Matrix3Xd nodes = graph_.NodePositions(mesh_.positions);
   const double scale = 1000.0 * 1000 / graph_.num_nodes();
-  double arap = 0, drift = 0;
+  double arap = 0, along = 0, across = 0;
   for (int i = 0; i < graph_.num_nodes(); ++i) {
     for (int e = graph_.neighbor_begin[i]; e < graph_.neighbor_begin[i + 1]; ++e) {
       const int j = graph_.neighbors[e];
@@ -133,7 +136,9 @@ TEST_F(SurfaceSolverTest, TermsAreThoseOfThePaper) {
       const Eigen::Vector3d gj = nodes.col(j) + at.translations.col(j);
       arap += scale * (gi - gj - at.rotations[i] * (nodes.col(i) - nodes.col(j))).squaredNorm();
     }
-    drift += scale * std::pow(nodes.col(i).normalized().dot(at.translations.col(i)), 2);
+    const Eigen::Vector3d ray = nodes.col(i).normalized();
+    along += scale * std::pow(ray.dot(at.translations.col(i)), 2);
+    across += scale * ray.cross(at.translations.col(i) - start_.translations.col(i)).squaredNorm();
   }
   Eigen::Matrix3Xf warped;
   WarpVertices(graph_, at, mesh_.positions, &warped);
@@ -145,9 +150,11 @@ TEST_F(SurfaceSolverTest, TermsAreThoseOfThePaper) {
         std::pow(correspondences_.normals.col(c).dot(pixel - correspondences_.targets.col(c)), 2);
   }
   contour /= correspondences_.num_boundary;
-  EXPECT_NEAR(Problem({0.6, 2}).Cost(at), contour + 0.6 * arap + 2 * drift, 1e-4 * contour);
-  EXPECT_NEAR(Problem({1.2, 2}).Cost(at) - Problem({0.6, 2}).Cost(at), 0.6 * arap, 1e-6 * arap);
-  EXPECT_NEAR(Problem({0.6, 4}).Cost(at) - Problem({0.6, 2}).Cost(at), 2 * drift, 1e-6 * drift);
+  const double cost = Problem({0.6, 2, 0.1}).Cost(at);
+  EXPECT_NEAR(cost, contour + 0.6 * arap + 2 * along + 0.1 * across, 1e-4 * contour);
+  EXPECT_NEAR(Problem({1.2, 2, 0.1}).Cost(at) - cost, 0.6 * arap, 1e-6 * arap);
+  EXPECT_NEAR(Problem({0.6, 4, 0.1}).Cost(at) - cost, 2 * along, 1e-6 * along);
+  EXPECT_NEAR(Problem({0.6, 2, 0.3}).Cost(at) - cost, 0.2 * across, 1e-6 * across);
   // Half the resolution, the same cost.
   const double full = Problem().Cost(at);
   Prepare(150, 960, 540);
@@ -168,14 +175,15 @@ TEST_F(SurfaceSolverTest, RestAndRigidMotionsCostNothing) {
   correspondences_.targets.resize(2, 0);
   correspondences_.normals.resize(2, 0);
   const WarpField moved = Rigid(ExpSO3({0.2, 1, -0.4}), {0.3, 0, 1});
-  EXPECT_LT(Problem({0.6, 0}).Cost(moved), 1e-15);
-  EXPECT_GT(Problem({0.6, 2}).Cost(moved), 1);
+  EXPECT_LT(Problem({0.6, 0, 0}).Cost(moved), 1e-15);
+  EXPECT_GT(Problem({0.6, 2, 0}).Cost(moved), 1);
+  EXPECT_GT(Problem({0.6, 0, 0.03}).Cost(moved), 1);
 }
 
 TEST_F(SurfaceSolverTest, AsGoodAsTheOracle) {
   Prepare(1000);
-  for (const SurfaceWeights& weights : {SurfaceWeights{0.6, 2}, SurfaceWeights{0.2, 2},
-                                        SurfaceWeights{0.6, 0}, SurfaceWeights{0.2, 0}}) {
+  for (const SurfaceWeights& weights : {SurfaceWeights{0.6, 2, 0.03}, SurfaceWeights{0.2, 2, 0.01},
+                                        SurfaceWeights{0.6, 0, 0}, SurfaceWeights{0.2, 0, 0}}) {
     const SurfaceProblem problem = Problem(weights);
     WarpField field = WarpField::Identity(problem.num_nodes), best = field;
     const SurfaceSolve fast = SolveSurface(problem, 1e-3, 12, &field);

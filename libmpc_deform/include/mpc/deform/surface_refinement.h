@@ -30,7 +30,8 @@ struct SurfaceRefinementOptions {
   // Iterations after those, of the last of arap_weights, that reach as far, while more than 3 % of the
   // outline is still more than 4 cm off; ours, 0: none (paper).
   int max_flight_rounds = 2;
-  double depth_drift_weight = 2;  // w_ray, px^2/mm^2, >= 0; ours, 0: paper
+  double depth_drift_weight = 2;   // w_ray, px^2/mm^2, >= 0; ours, 0: paper
+  double side_drift_share = 0.05;  // w_side by the iteration's w_arap, >= 0; ours, 0: paper
   // Correspondences count less (Geman-McClure) the farther they go, on a scale of so many standard
   // deviations of all distances in the frame, at least 3 cm; 0: all alike (paper).
   double robust_deviations = 6;

@@ -10,27 +10,29 @@
 #include "mpc/deform/arap_energy.h"
 #include "mpc/deform/correspondences.h"
 #include "mpc/deform/deformation_graph.h"
-#include "mpc/deform/depth_drift_energy.h"
+#include "mpc/deform/drift_energy.h"
 #include "mpc/deform/surface_contour_energy.h"
 
 namespace mpc {
 
 struct SurfaceWeights {
-  double arap = 0.6;       // w_arap, px^2/mm^2; paper
-  double depth_drift = 2;  // w_ray, px^2/mm^2; ours, 0: paper
+  double arap = 0.6;         // w_arap, px^2/mm^2; paper
+  double depth_drift = 2;    // w_ray, px^2/mm^2; ours, 0: paper
+  double side_drift = 0.03;  // w_side, likewise
 };
 
 // E_surf of one frame.
 struct SurfaceProblem {
   SurfaceContourEnergy contour;
   ArapEnergy arap;
-  DepthDriftEnergy depth_drift;
+  DriftEnergy drift;
   Eigen::Matrix3Xd nodes;  // g^, 3xM
   int num_nodes;
 
-  // posed: v^, 3xV in the camera frame. Throws Error (kInvalidArgument) for sizes that do not fit.
+  // posed: v^, 3xV in the camera frame; start: where the iteration starts. Throws Error (kInvalidArgument) for sizes that do not fit.
   SurfaceProblem(const Camera& camera, const DeformationGraph& graph, const Eigen::Matrix3Xf& posed,
-                 const Correspondences& correspondences, const SurfaceWeights& weights);
+                 const Correspondences& correspondences, const SurfaceWeights& weights,
+                 const WarpField& start);
 
   // Infinite outside the energies' domain.
   double Cost(const WarpField& at) const;

@@ -82,8 +82,8 @@ TEST_F(SurfaceRefinementTest, ARaggedOutlineMovesNothingMuch) {
             0.9 * MeanError_mm(Refine(mask, without).vertices, Person().posed));
 }
 
-// A skirt that swings by 17 degrees as a whole.
-TEST_F(SurfaceRefinementTest, AWideSwingIsNotHeldBack) {
+// A skirt that swings by 17 degrees as a whole, which the prior holds back in part.
+TEST_F(SurfaceRefinementTest, AWideSwingIsStillFollowed) {
   Eigen::Matrix3Xf swung = Person().posed;
   const Eigen::Index first = Person().first_of_skirt, count = swung.cols() - first;
   const Eigen::Vector3f waist =

@@ -18,7 +18,7 @@ namespace mpc {
 struct SurfaceWeights {
   double arap = 0.6;         // w_arap, px^2/mm^2; paper
   double depth_drift = 2;    // w_ray, px^2/mm^2; ours, 0: paper
-  double side_drift = 0.03;  // w_side, likewise
+  double side_drift = 0.03;  // w_side, px^2/mm^2; ours, 0: paper
 };
 
 // E_surf of one frame.
@@ -29,7 +29,8 @@ struct SurfaceProblem {
   Eigen::Matrix3Xd nodes;  // g^, 3xM
   int num_nodes;
 
-  // posed: v^, 3xV in the camera frame; start: where the iteration starts. Throws Error (kInvalidArgument) for sizes that do not fit.
+  // posed: v^, 3xV in the camera frame. start: the field at the iteration's start, M nodes. Throws
+  // Error (kInvalidArgument) for sizes that do not fit.
   SurfaceProblem(const Camera& camera, const DeformationGraph& graph, const Eigen::Matrix3Xf& posed,
                  const Correspondences& correspondences, const SurfaceWeights& weights,
                  const WarpField& start);

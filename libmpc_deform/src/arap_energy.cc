@@ -18,7 +18,7 @@ ArapEnergy::ArapEnergy(const DeformationGraph& graph, const Eigen::Matrix3Xd& no
 bool ArapEnergy::Evaluate(const WarpField& at, int block, double* r,
                           BlockJacobian* jacobian) const {
   const auto [i, j] = edges_[block];
-  const Eigen::Vector3d turned = Lever(at, block);
+  const Eigen::Vector3d turned = at.rotations[i] * levers_[block];
   const Eigen::Vector3d stretch =
       levers_[block] + at.translations.col(i) - at.translations.col(j) - turned;
   Eigen::Vector3d::Map(r) = scale_ * stretch;

@@ -77,28 +77,6 @@ void CoarseMotion::AddBlock(const Energy& energy, const WarpField& at, int block
   }
 }
 
-// Of an edge's residual, the Jacobians by the motions of the two patches are ([p]x, s) and
-// ([q]x, -s), with s E_arap's scale, p = s (R_i (g^_i - g^_j) - lever_i) and q = s lever_j.
-void CoarseMotion::AddEdge(const WarpField& at, int edge) {
-  const std::span<const int> nodes = problem_.arap.nodes(edge);
-  const double s = problem_.arap.scale();
-  const Eigen::Vector3d p = s * (problem_.arap.Lever(at, edge) - levers_.col(nodes[0]));
-  const Eigen::Vector3d q = s * levers_.col(nodes[1]);
-  // ([x]x, a)^T ([y]x, b)
-  const auto product = [](const Eigen::Vector3d& x, double a, const Eigen::Vector3d& y, double b) {
-    Block block;
-    block.topLeftCorner<3, 3>() = x.dot(y) * Eigen::Matrix3d::Identity() - y * x.transpose();
-    block.topRightCorner<3, 3>() = -b * CrossMatrix(x);
-    block.bottomLeftCorner<3, 3>() = a * CrossMatrix(y);
-    block.bottomRightCorner<3, 3>() = a * b * Eigen::Matrix3d::Identity();
-    return block;
-  };
-  const int i = patch_[nodes[0]], j = patch_[nodes[1]];
-  Add(i, i, product(p, s, p, s));
-  Add(i, j, product(p, s, q, -s));
-  Add(j, j, product(q, -s, q, -s));
-}
-
 void CoarseMotion::Linearize(const WarpField& at) {
   Eigen::Matrix3Xd middle = Eigen::Matrix3Xd::Zero(3, num_patches_);
   Eigen::VectorXd size = Eigen::VectorXd::Zero(num_patches_);
@@ -114,7 +92,7 @@ void CoarseMotion::Linearize(const WarpField& at) {
   packed_levers_.topRows<3>() = levers_.cast<float>();
   normal_.setZero(6 * num_patches_, 6 * num_patches_);
   for (int row = 0; row < problem_.contour.num_blocks(); ++row) AddBlock(problem_.contour, at, row);
-  for (const int e : crossing_) AddEdge(at, e);
+  for (const int e : crossing_) AddBlock(problem_.arap, at, e);
   for (int i = 0; i < problem_.drift.num_blocks(); ++i) AddBlock(problem_.drift, at, i);
   normal_.diagonal() *= 1 + kDamping;
   normal_.diagonal().array() += kDamping * kDamping * normal_.diagonal().maxCoeff();

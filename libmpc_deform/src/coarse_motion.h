@@ -29,7 +29,6 @@ class CoarseMotion {
  private:
   template <typename Energy>
   void AddBlock(const Energy& energy, const WarpField& at, int block);
-  void AddEdge(const WarpField& at, int edge);
   void Add(int a, int b, const Eigen::Matrix<double, 6, 6>& block);
 
   const SurfaceProblem& problem_;

@@ -26,11 +26,8 @@ class ArapEnergy {
   std::span<const int> nodes(int block) const { return edges_[block]; }
   bool Evaluate(const WarpField& at, int block, double* r, BlockJacobian* jacobian) const;
 
-  // g^_i - g^_j and R_i times it, m, and the factor 1000 sqrt(w_arap / M) of all residuals.
+  // g^_i - g^_j, m, and the factor 1000 sqrt(w_arap / M) of all residuals.
   const Eigen::Vector3d& rest(int block) const { return levers_[block]; }
-  Eigen::Vector3d Lever(const WarpField& at, int block) const {
-    return at.rotations[edges_[block][0]] * levers_[block];
-  }
   double scale() const { return scale_; }
 
  private:
